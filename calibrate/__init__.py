@@ -1,0 +1,1 @@
+"""Fits the simulator to measurements, and says what the data determine."""

@@ -1,0 +1,33 @@
+"""A differentiable simulator for the settling of magnetorheological fluids (Son 2018)."""
+
+from mrjax.box import Box
+from mrjax.disperse import disperse
+from mrjax.errors import InputError, SimulationError
+from mrjax.observe import mudline_descent, reynolds_number, sedimentation_ratio, settling_velocity
+from mrjax.parameters import Parameters
+from mrjax.recipe import Recipe
+from mrjax.run import Fault, Run
+from mrjax.simulate import simulate
+from mrjax.state import State, place
+from mrjax.theory import terminal_velocity
+from mrjax.timestep import time_step
+
+__all__ = [
+    "Box",
+    "Fault",
+    "InputError",
+    "Parameters",
+    "Recipe",
+    "Run",
+    "SimulationError",
+    "State",
+    "disperse",
+    "mudline_descent",
+    "place",
+    "reynolds_number",
+    "sedimentation_ratio",
+    "settling_velocity",
+    "simulate",
+    "terminal_velocity",
+    "time_step",
+]

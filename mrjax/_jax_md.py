@@ -1,0 +1,37 @@
+"""The one place where jax-md is imported: only the parts that are used, without the rest.
+
+`import jax_md` runs the package's `__init__`, which loads its neural networks and rigid bodies:
+about 6 to 9 s, against milliseconds for `space`, `partition` and `minimize`. Those are loaded here
+under a temporary package object that runs no `__init__`; it is removed again, so that a user's own
+`import jax_md`, before or after, finds the whole package.
+"""
+
+import importlib
+import importlib.util
+import sys
+import types
+from contextlib import contextmanager
+
+import jax
+
+
+def _load(*names: str) -> list[types.ModuleType]:
+    if "jax_md" in sys.modules:
+        return [importlib.import_module(f"jax_md.{name}") for name in names]
+    package = types.ModuleType("jax_md")
+    package.__path__ = list(importlib.util.find_spec("jax_md").submodule_search_locations)
+    sys.modules["jax_md"] = package
+    try:
+        return [importlib.import_module(f"jax_md.{name}") for name in names]
+    finally:
+        del sys.modules["jax_md"]
+
+
+space, partition, minimize = _load("space", "partition", "minimize")
+
+
+@contextmanager
+def permissive():
+    """Lets jax-md's mixed dtypes and ranks pass where the caller has made jax strict."""
+    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
+        yield

@@ -1,0 +1,102 @@
+"""The container: its size, and on each axis either periodic images or a pair of walls."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+
+from mrjax._jax_md import permissive, space
+from mrjax.errors import InputError
+
+AXES = ("x", "y", "z")
+
+
+@jax.tree_util.register_static
+@dataclass(frozen=True)
+class Box:
+    """A cuboid from the origin to `size`; gravity points along -z.
+
+    Hashable and never traced: it fixes the shapes of a run.
+
+    Args:
+      size: edge lengths (x, y, z), m.
+      periodic: for each axis, True for periodic images, False for a wall at either end.
+
+    Raises:
+      InputError: a size or a list of flags that does not describe a cuboid.
+    """
+
+    size: tuple[float, float, float]
+    periodic: tuple[bool, bool, bool] = (False, False, False)
+
+    def __post_init__(self):
+        try:
+            size = tuple(float(length) for length in self.size)
+        except (TypeError, ValueError):
+            size = ()
+        if len(size) != 3 or not all(math.isfinite(length) and length > 0 for length in size):
+            raise InputError(f"size = {self.size} must be three positive lengths in m")
+        flags = self.periodic
+        if (
+            isinstance(flags, (str, bool))
+            or len(flags) != 3
+            or not all(flag in (True, False) for flag in flags)
+        ):
+            raise InputError(f"periodic = {flags} must be three of true or false, for x, y and z")
+        object.__setattr__(self, "size", size)
+        object.__setattr__(self, "periodic", tuple(bool(flag) for flag in flags))
+
+    @property
+    def volume(self) -> float:
+        """Volume, m^3."""
+        return math.prod(self.size)
+
+    @property
+    def height(self) -> float:
+        """Extent along gravity, m."""
+        return self.size[2]
+
+    @property
+    def walled_axes(self) -> tuple[int, ...]:
+        """The axes that end in walls."""
+        return tuple(axis for axis in range(3) if not self.periodic[axis])
+
+    def scaled(self, factor: float) -> "Box":
+        """The same box with every length multiplied by `factor`."""
+        return Box(tuple(length * factor for length in self.size), self.periodic)
+
+    def space(self) -> tuple[Callable, Callable]:
+        """jax-md's pair of functions for this box, both on positions (..., 3) in m.
+
+        Returns:
+          displacement(first, second): vector from `second` to `first`, to the nearest image on
+            periodic axes.
+          shift(position, change): the moved position, wrapped into the box on periodic axes.
+        """
+        side, periodic = jnp.array(self.size), jnp.array(self.periodic)
+
+        def on_periodic_axes(wrapped: Array, plain: Array) -> Array:
+            return jnp.where(jnp.broadcast_to(periodic, plain.shape), wrapped, plain)
+
+        def displacement(first: Array, second: Array, **_) -> Array:
+            plain = first - second
+            with permissive():
+                return on_periodic_axes(space.periodic_displacement(_side(plain), plain), plain)
+
+        def shift(position: Array, change: Array, **_) -> Array:
+            with permissive():
+                wrapped = space.periodic_shift(_side(position), position, change)
+            return on_periodic_axes(wrapped, position + change)
+
+        def _side(like: Array) -> Array:
+            return jnp.broadcast_to(side.astype(like.dtype), like.shape)
+
+        return displacement, shift
+
+    def wrap(self, position: Array) -> Array:
+        """Positions moved into the box along its periodic axes; (N, 3) in m."""
+        _, shift = self.space()
+        return shift(position, jnp.zeros_like(position))

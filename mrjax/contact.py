@@ -1,0 +1,132 @@
+"""Normal contact: modified Hertz (Son 2018, Eqs. 4-6), with the sign of its dissipation corrected.
+
+F_n = (4/3 E* sqrt(R* d) (d + A d') + c(e) d'), not less than zero         (Eq. 4)
+
+with overlap d and d' > 0 on approach. The paper prints d - A d', which would feed energy into
+every impact; and a contact cannot pull, so the force ends where it would turn tensile.
+
+All functions are elementwise: any shapes that broadcast.
+"""
+
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike
+
+ROUNDING = 1e-14
+"""Overlap, as a fraction of R*, below which Hertz's law is rounded off.
+
+There the stiffness rises linearly instead of as a square root, whose slope at zero overlap is
+infinite. At 1e-7 R*, the overlap of a 4 um iron particle at rest, the force changes by 5e-8.
+"""
+
+
+def effective_modulus(
+    modulus_i: ArrayLike, poisson_i: ArrayLike, modulus_j: ArrayLike, poisson_j: ArrayLike
+) -> Array:
+    """Eq. 5: 1/E* = (1 - nu_i^2)/E_i + (1 - nu_j^2)/E_j; Pa."""
+    return 1.0 / ((1.0 - poisson_i**2) / modulus_i + (1.0 - poisson_j**2) / modulus_j)
+
+
+def harmonic(of_i: ArrayLike, of_j: ArrayLike) -> Array:
+    """Eq. 6: 1/R* = 1/R_i + 1/R_j, and likewise for the reduced mass m*; unit of the arguments."""
+    return of_i * of_j / (of_i + of_j)
+
+
+def stiffness(modulus: ArrayLike, radius: ArrayLike, overlap: ArrayLike) -> Array:
+    """Eq. 25, dF/dd = 2 E* sqrt(R* d) of Hertz's law; N/m."""
+    return 2.0 * modulus * jnp.sqrt(radius * overlap)
+
+
+def impact_overlap(
+    modulus: ArrayLike, radius: ArrayLike, mass: ArrayLike, speed: ArrayLike
+) -> Array:
+    """Deepest overlap of an elastic impact (Hertz), (15 m* v^2 / (16 E* sqrt(R*)))^(2/5); m.
+
+    Args:
+      modulus, radius, mass: E* in Pa, R* in m and m* in kg of the pair.
+      speed: relative, before impact, m/s.
+    """
+    return (15.0 * mass * speed**2 / (16.0 * modulus * jnp.sqrt(radius))) ** (2 / 5)
+
+
+def damping_ratio(restitution: ArrayLike) -> Array:
+    """Damping ratio z for which a dry impact returns e times its speed; 1.
+
+    Tsuji's damping, c = z sqrt(5 m* k) d^(1/4) with k = 4/3 E* sqrt(R*), makes d^(5/4) a damped
+    linear oscillator. Its contact ends when the force is zero, not the overlap (Schwager & Poeschel
+    2007), which gives
+
+        ln e = -2 z arccos(z) / sqrt(1 - z^2).
+
+    z = -ln e / sqrt(pi^2 + ln^2 e), the usual form, lets the contact pull: with a force that only
+    pushes, its nominal 0.5 comes out as 0.550.
+    """
+    log = -jnp.log(restitution)
+    ratio = log / jnp.sqrt(jnp.pi**2 + log**2)
+    for _ in range(_NEWTON_STEPS):
+        ratio = ratio + (log - _log_loss(ratio)) / _log_loss_slope(ratio)
+    return ratio
+
+
+_NEWTON_STEPS = 8
+
+
+def _angle_over_sine(ratio: Array) -> Array:
+    """arccos(z) / sqrt(1 - z^2), continued smoothly through z = 1 as arccosh(z) / sqrt(z^2 - 1)."""
+    gap = 1.0 - ratio**2
+    near = jnp.abs(gap) < 1e-3
+    below = (gap > 0) & ~near
+    above = (gap < 0) & ~near
+    root = jnp.sqrt(jnp.where(near, 1.0, jnp.abs(gap)))
+    inside = jnp.arctan2(root, jnp.where(below, ratio, 0.5)) / root
+    outside = jnp.arccosh(jnp.where(above, ratio, 2.0)) / root
+    z = 1.0 - jnp.where(near, ratio, 1.0)
+    series = 1.0 + z / 3.0 + 2.0 * z**2 / 15.0 + 2.0 * z**3 / 35.0 + 8.0 * z**4 / 315.0
+    return jnp.where(near, series, jnp.where(below, inside, outside))
+
+
+def _log_loss(ratio: Array) -> Array:
+    return 2.0 * ratio * _angle_over_sine(ratio)
+
+
+def _log_loss_slope(ratio: Array) -> Array:
+    """d/dz of 2 z h(z), from (1 - z^2) h' = z h - 1."""
+    gap = 1.0 - ratio**2
+    near = jnp.abs(gap) < 1e-3
+    angle = _angle_over_sine(ratio)
+    slope = (ratio * angle - 1.0) / jnp.where(near, 1.0, gap)
+    z = 1.0 - ratio
+    series = -(1.0 / 3.0 + 4.0 * z / 15.0 + 6.0 * z**2 / 35.0)
+    return 2.0 * angle + 2.0 * ratio * jnp.where(near, series, slope)
+
+
+def normal_force(
+    overlap: ArrayLike,
+    closing_speed: ArrayLike,
+    modulus: ArrayLike,
+    radius: ArrayLike,
+    mass: ArrayLike,
+    dissipation: ArrayLike = 0.0,
+    damping: ArrayLike = 0.0,
+) -> Array:
+    """Eq. 4 with Tsuji's damping beside it: the repulsion of two surfaces; N.
+
+    Finite with its first and second derivatives everywhere: zero where the surfaces are apart.
+
+    Args:
+      overlap: d, m; negative where the surfaces are apart.
+      closing_speed: d', m/s; positive on approach.
+      modulus: E* of Eq. 5, Pa.
+      radius: R* of Eq. 6, m.
+      mass: m*, the reduced mass, kg; read only with the damping.
+      dissipation: A of Eq. 4, s. Gives a restitution that falls with the impact speed.
+      damping: z of `damping_ratio`. Gives a restitution that does not.
+    """
+    depth = jnp.maximum(overlap, 0.0)
+    rounded = depth + ROUNDING * radius
+    root = depth / jnp.sqrt(rounded)
+    hertz = 4.0 / 3.0 * modulus * jnp.sqrt(radius)
+    elastic = hertz * root * (depth + dissipation * closing_speed)
+    fourth_root = depth / rounded**0.75
+    viscous = damping * jnp.sqrt(5.0 * mass * hertz) * fourth_root * closing_speed
+    return jnp.maximum(elastic + viscous, 0.0)

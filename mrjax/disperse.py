@@ -1,0 +1,121 @@
+"""A random suspension without overlap, at densities where random insertion fails.
+
+Points thrown at random are pushed apart as soft spheres, a little larger than the particles, by
+FIRE (Bitzek et al. 2006) until no two particles touch. Random insertion alone jams at a volume
+fraction of 0.38, less between walls.
+"""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array, lax
+from jax.typing import DTypeLike
+
+from mrjax import neighbours, particle
+from mrjax._jax_md import minimize, permissive
+from mrjax.box import Box
+from mrjax.errors import InputError
+from mrjax.neighbours import Neighbours, Plan
+from mrjax.recipe import Recipe
+from mrjax.state import State, place
+
+CLEARANCE = 0.005
+"""How much larger than the particles the soft spheres are."""
+STEPS_BETWEEN_REBUILDS = 25
+MOST_REBUILDS = 400
+SKIN = 0.4  # of a radius; random points move far at first
+
+
+def disperse(recipe: Recipe, seed: int = 0, *, dtype: DTypeLike = float) -> State:
+    """The suspension of a recipe, well mixed and at rest: N from its weight fractions.
+
+    The same seed gives the same suspension on the same machine.
+
+    Args:
+      recipe: the lab sheet.
+      seed: of the random positions.
+      dtype: of the state, and so of a run that starts from it; `float` is JAX's default.
+
+    Raises:
+      InputError: the particles cannot be placed in the box without overlap.
+    """
+    parameters = recipe.parameters()
+    particles = recipe.particle_count
+    radius = np.broadcast_to(np.asarray(particle.outer_radius(parameters)), (particles,))
+    unit = float(radius.max())
+    position = _spread(
+        jax.random.key(seed), recipe.box.scaled(1 / unit), jnp.asarray(radius / unit)
+    )
+    if position is None:
+        raise InputError(
+            f"{particles} particles of {2e6 * unit:.3g} um cannot be dispersed without overlap in "
+            f"a box of {' x '.join(f'{1e6 * length:.3g}' for length in recipe.box.size)} um (volume "
+            f"fraction {recipe.coated_volume_fraction:.3f}); use a larger box or fewer particles"
+        )
+    return place(position * unit, contact_diameter=2 * unit, dtype=dtype)
+
+
+def _spread(key: Array, box: Box, radius: Array) -> Array | None:
+    """Centres of spheres that do not touch, (N, 3); None where none were found."""
+    size = jnp.asarray(box.size)
+    margin = jnp.where(jnp.asarray(box.periodic), 0.0, 1.0)
+    room = jax.random.uniform(key, (radius.shape[0], 3), radius.dtype)
+    position = margin[None, :] * radius[:, None] + room * (
+        size[None, :] - 2.0 * margin[None, :] * radius[:, None]
+    )
+    plan = neighbours.plan(box, radius.shape[0], 2.0, 2.0 * float(radius.min()), SKIN)
+    for _ in range(MOST_REBUILDS):
+        while True:
+            moved, gap, overflow = _relax(position, radius, box, plan)
+            if not int(overflow):
+                break
+            plan = plan.grown(int(overflow), radius.shape[0])
+        position = moved
+        if float(gap) > 0.1 * CLEARANCE:
+            return position
+    return None
+
+
+@partial(jax.jit, static_argnames=("box", "plan"))
+def _relax(position: Array, radius: Array, box: Box, plan: Plan) -> tuple[Array, Array, Array]:
+    """A burst of FIRE with one neighbour list; positions, the least gap of the true spheres."""
+    listed = neighbours.build(plan, box, position)
+    swollen = radius * (1.0 + CLEARANCE)
+    displacement, _ = box.space()
+
+    def energy(position: Array, listed: Neighbours, **_) -> Array:
+        vector = displacement(
+            jnp.broadcast_to(position, (*listed.partner.shape, 3)), position[listed.partner]
+        )
+        square = jnp.sum(vector**2, axis=-1)
+        apart = listed.present & (square > 0.0)
+        distance = jnp.sqrt(jnp.where(apart, square, 1.0))
+        overlap = swollen[None, :] + swollen[listed.partner] - distance
+        pairs = 0.25 * jnp.sum(jnp.where(apart, jnp.maximum(overlap, 0.0), 0.0) ** 2)
+        return pairs + sum(
+            0.5 * jnp.sum(jnp.maximum(_wall_overlap(position, swollen, box, axis), 0.0) ** 2)
+            for axis in box.walled_axes
+        )
+
+    with permissive():
+        start, advance = minimize.fire_descent(
+            energy, lambda position, change, **_: position + change
+        )
+        state = start(position, listed=listed)
+        state = lax.fori_loop(
+            0, STEPS_BETWEEN_REBUILDS, lambda _, state: advance(state, listed=listed), state
+        )
+    moved = box.wrap(state.position)
+    # The gap is looked for in a new list: particles may have left the old one's skin.
+    relisted = neighbours.build(plan, box, moved)
+    gap = neighbours.smallest_gap(relisted, radius)
+    for axis in box.walled_axes:
+        gap = jnp.minimum(gap, -jnp.max(_wall_overlap(moved, radius, box, axis)))
+    return moved, gap, listed.overflow | relisted.overflow
+
+
+def _wall_overlap(position: Array, radius: Array, box: Box, axis: int) -> Array:
+    """Overlap with the nearer wall of an axis, (N,)."""
+    return radius - jnp.minimum(position[:, axis], box.size[axis] - position[:, axis])

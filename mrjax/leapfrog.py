@@ -1,0 +1,69 @@
+"""The exponential leapfrog: one step for every regime, with one evaluation of the forces.
+
+    x_{n+1/2} = x_n + dt/2 v_n
+    v_{n+1}   = v_n e^{-alpha dt} + F(x_{n+1/2})/gamma (1 - e^{-alpha dt})
+    x_{n+1}   = x_{n+1/2} + dt/2 v_{n+1}
+
+Drag is integrated exactly, so a free fall is exact at any step. alpha dt -> 0 gives the leapfrog
+(second order, symplectic without dissipation), alpha dt -> infinity overdamped Euler.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jax import Array
+
+from mrjax import drag, particle
+from mrjax.parameters import Parameters
+
+SERIES_BELOW = 0.1
+
+
+class Kick(NamedTuple):
+    """What one step does to a velocity: v -> keep v + gain F; shapes () or (N,)."""
+
+    keep: Array  # e^{-alpha dt}
+    gain: Array  # (1 - e^{-alpha dt}) / gamma, s/kg
+
+
+def kick(parameters: Parameters, time_step: float) -> Kick:
+    """The coefficients of a step; finite and differentiable in the limits of no and full drag."""
+    inertia = particle.inertia(parameters)
+    decay = drag.coefficient(parameters) / inertia * time_step
+    return Kick(jnp.exp(-decay), mean_decay(decay) * time_step / inertia)
+
+
+def mean_decay(exponent: Array) -> Array:
+    """(1 - e^-a) / a, the mean of e^-s for s from 0 to a >= 0; 1 at a = 0. Elementwise."""
+    small = exponent < SERIES_BELOW
+    a = jnp.where(small, exponent, 0.0)
+    series = 1.0 - a / 2 * (
+        1.0 - a / 3 * (1.0 - a / 4 * (1.0 - a / 5 * (1.0 - a / 6 * (1.0 - a / 7 * (1.0 - a / 8)))))
+    )
+    large = jnp.where(small, 1.0, exponent)
+    return jnp.where(small, series, -jnp.expm1(-large) / large)
+
+
+def step(
+    position: Array,
+    velocity: Array,
+    force: Callable[[Array, Array], tuple[Array, Array]],
+    kick: Kick,
+    time_step: float,
+) -> tuple[Array, Array, Array]:
+    """One step of all particles.
+
+    Args:
+      position, velocity: (3, N).
+      force: of positions half-way and velocities, everything but the drag; (3, N), and a second
+        value that is handed on.
+      kick: the coefficients of this step.
+
+    Returns:
+      position, velocity and the second value of `force`.
+    """
+    half_way = position + 0.5 * time_step * velocity
+    acting, noted = force(half_way, velocity)
+    velocity = kick.keep * velocity + kick.gain * acting
+    return half_way + 0.5 * time_step * velocity, velocity, noted

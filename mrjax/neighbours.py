@@ -1,0 +1,147 @@
+"""Who may touch whom: jax-md's neighbour list, in the layout that the contact kernel reads.
+
+The list is rebuilt at fixed intervals and holds every pair within `cutoff`: what touches, plus a
+skin for what may come to touch before the next rebuild. Lengths are in the unit of the positions.
+
+jax-md 0.2.29 needs care, and gets it here:
+- its own choice of cells falls back to all pairs, silently, where the box is less than three cells
+  wide. Here such an axis is given three cells, each a neighbour of the other two, and the true
+  distance decides; narrow columns keep their cells along the others.
+- a list that is too short drops pairs and sets a flag. The flag travels with the list.
+- an empty slot holds the index N, which reads the last particle. `present` masks it.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array, lax
+
+from mrjax._jax_md import partition, permissive
+from mrjax.box import Box
+
+PAIRS_DROPPED = int(partition.PartitionErrorCode.NEIGHBOR_LIST_OVERFLOW)
+CELLS_OVERFULL = int(partition.PartitionErrorCode.CELL_LIST_OVERFLOW)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What fixes the shapes of a neighbour list: concrete numbers, never traced."""
+
+    cutoff: float  # distance of centres up to which pairs are listed
+    cell: float  # least edge of a search cell
+    capacity: int  # K, partners listed for each particle
+    cell_capacity: int  # particles in each cell
+
+    def grown(self, overflow: int, particles: int) -> "Plan":
+        """A plan with more room where a list built by this one overflowed."""
+
+        def more(capacity: int, bit: int, limit: int) -> int:
+            return min(limit, capacity + capacity // 2 + 1) if overflow & bit else capacity
+
+        return replace(
+            self,
+            capacity=more(self.capacity, PAIRS_DROPPED, particles - 1),
+            cell_capacity=more(self.cell_capacity, CELLS_OVERFULL, particles),
+        )
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Neighbours:
+    """The possible partners of every particle, when the list was built."""
+
+    partner: Array  # (K, N) particle ids; any value where not present
+    present: Array  # (K, N) whether the slot holds a partner
+    separation: tuple[Array, Array, Array]  # x, y, z from partner to particle, (K, N) each
+    overflow: Array  # () PAIRS_DROPPED, CELLS_OVERFULL or both; 0 when every pair is listed
+
+
+def plan(
+    box: Box, particles: int, largest_diameter: float, smallest_diameter: float, skin: float
+) -> Plan:
+    """A plan with room for the densest bed that these particles can form.
+
+    Args:
+      box: the container, in the unit of the diameters.
+      particles: N.
+      largest_diameter, smallest_diameter: of the particles that touch.
+      skin: distance beyond contact up to which pairs are listed.
+    """
+    cutoff = largest_diameter + skin
+    # Cells beyond eight for each particle only cost memory.
+    cell = max(cutoff, (box.volume / (8 * particles)) ** (1 / 3))
+    smallest = smallest_diameter / 2
+    # Half of the volume that partners can reach into, random packing, less the particle itself.
+    reach = (cutoff + smallest) ** 3 - (largest_diameter / 2) ** 3
+    capacity = math.ceil(0.5 * reach / smallest**3)
+    # Packed spheres that a cube can hold the centres of.
+    in_cell = math.ceil(0.7 * (cell / smallest_diameter + 1) ** 3)
+    return Plan(
+        cutoff=cutoff,
+        cell=cell,
+        capacity=min(particles - 1, capacity),
+        cell_capacity=min(particles, in_cell),
+    )
+
+
+def build(plan: Plan, box: Box, position: Array) -> Neighbours:
+    """The neighbour list of `position`, (N, 3). Works under jit, grad and vmap."""
+    particles = position.shape[0]
+    displacement, _ = box.space()
+    if plan.capacity == 0:
+        none = jnp.zeros((0, particles))
+        return Neighbours(
+            none.astype(jnp.int32),
+            none.astype(bool),
+            (none.astype(position.dtype),) * 3,
+            jnp.zeros((), jnp.int32),
+        )
+    with permissive():
+        found = _search(plan, box, displacement, lax.stop_gradient(box.wrap(position)))
+    partner = found.idx.T
+    present = partner < particles
+    partner = jnp.minimum(partner, particles - 1)
+    vector = displacement(jnp.broadcast_to(position, (*partner.shape, 3)), position[partner])
+    return Neighbours(
+        partner,
+        present,
+        (vector[..., 0], vector[..., 1], vector[..., 2]),
+        found.error.code.astype(jnp.int32),
+    )
+
+
+def _search(plan: Plan, box: Box, displacement, position: Array) -> partition.NeighborList:
+    size = np.array(box.size)
+    three_cells = 3.001 * plan.cell
+    grid = np.where(size <= three_cells, three_cells, size)
+    functions = partition.neighbor_list(
+        displacement, grid, plan.cutoff, format=partition.NeighborListFormat.Dense
+    )
+    # jax-md would size its buffers for the positions of the moment; a suspension settles into
+    # a denser bed, and under jit there are no positions to look at.
+    room = partition.NeighborList(
+        idx=jnp.zeros((position.shape[0], plan.capacity), jnp.int32),
+        reference_position=position,
+        error=partition.PartitionError(jnp.zeros((), jnp.uint8)),
+        cell_list_capacity=plan.cell_capacity,
+        max_occupancy=plan.capacity,
+        format=partition.NeighborListFormat.Dense,
+        cell_size=plan.cell,
+        cell_list_fn=partition.cell_list(grid, plan.cell),
+        update_fn=functions.update,
+    )
+    return functions.update(position, room)
+
+
+def smallest_gap(neighbours: Neighbours, radius: Array) -> Array:
+    """Least distance between the surfaces of two listed particles; () in the unit of the radius.
+
+    Negative where particles overlap, infinite where no pair is listed. `radius` has shape (N,).
+    """
+    x, y, z = neighbours.separation
+    distance = jnp.sqrt(x**2 + y**2 + z**2)
+    gap = distance - radius[None, :] - radius[neighbours.partner]
+    return jnp.min(jnp.where(neighbours.present, gap, jnp.inf), initial=jnp.inf)

@@ -1,0 +1,95 @@
+"""The physical quantities every law reads: one pytree of SI values, any of which can be fitted.
+
+A leaf is one number for all particles, shape (), or one number for each, shape (N,).
+Nothing is validated here: the leaves are traced by jit, grad and vmap. `Recipe` validates.
+"""
+
+import dataclasses
+from dataclasses import dataclass, field
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike, DTypeLike
+
+from mrjax.units import Units
+
+
+def _quantity(unit: str, mass: int = 0, length: int = 0, time: int = 0, **keywords):
+    return field(metadata={"unit": unit, "dimension": (mass, length, time)}, **keywords)
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True, kw_only=True)
+class Parameters:
+    """Particles, fluid, coating, contact and drag factors of one suspension; shapes () or (N,).
+
+    `elastic_modulus` and `poisson_ratio` belong to the surface in contact: to the coating where
+    there is one (Son 2018, section 2.4). With no fluid in the way (`viscosity=0, gravity=0`) the
+    same parameters describe a dry collision.
+    """
+
+    radius: ArrayLike = _quantity("m", length=1)
+    """R, radius of the uncoated particle."""
+    particle_density: ArrayLike = _quantity("kg/m^3", mass=1, length=-3)
+    """rho_p, density of the uncoated particle."""
+    fluid_density: ArrayLike = _quantity("kg/m^3", mass=1, length=-3)
+    """rho_f."""
+    viscosity: ArrayLike = _quantity("Pa s", mass=1, length=-1, time=-1)
+    """mu of the base fluid, without additives."""
+    elastic_modulus: ArrayLike = _quantity("Pa", mass=1, length=-1, time=-2)
+    """E of the surfaces in contact."""
+    poisson_ratio: ArrayLike = _quantity("1")
+    """nu of the surfaces in contact."""
+    wall_elastic_modulus: ArrayLike = _quantity("Pa", mass=1, length=-1, time=-2, default=jnp.inf)
+    """E of the walls; infinite for rigid ones."""
+    wall_poisson_ratio: ArrayLike = _quantity("1", default=0.0)
+    """nu of the walls."""
+    friction: ArrayLike = _quantity("1", default=0.0)
+    """Coulomb's coefficient. Carried for the tangential law; the normal law does not read it."""
+    restitution: ArrayLike = _quantity("1", default=1.0)
+    """Rebound speed over impact speed of a dry normal impact, 0 < e <= 1."""
+    dissipation: ArrayLike = _quantity("s", time=1, default=0.0)
+    """A of Eq. 4."""
+    gravity: ArrayLike = _quantity("m/s^2", length=1, time=-2, default=9.81)
+    """g, along -z."""
+    added_mass: ArrayLike = _quantity("1", default=0.5)
+    """Added mass over displaced fluid mass: 1/2 for a sphere (Eq. 11), 0 to leave it out."""
+    coating_density: ArrayLike = _quantity("kg/m^3", mass=1, length=-3, default=0.0)
+    """rho_c; without effect where f_r = 1."""
+    f_w: ArrayLike = _quantity("1", default=1.0)
+    """Wall and crowding factor of the drag (Eq. 14)."""
+    f_s: ArrayLike = _quantity("1", default=1.0)
+    """Shape factor of the drag (Eq. 16)."""
+    f_v: ArrayLike = _quantity("1", default=1.0)
+    """Viscosity of the fluid with additives over that of the base fluid."""
+    f_r: ArrayLike = _quantity("1", default=1.0)
+    """Coated radius over uncoated radius."""
+
+    def replace(self, **changes: ArrayLike) -> "Parameters":
+        """The same parameters with some leaves changed.
+
+        Raises:
+          TypeError: a name that is not a parameter.
+        """
+        return dataclasses.replace(self, **changes)
+
+    def astype(self, dtype: DTypeLike) -> "Parameters":
+        """Every leaf as an array of `dtype`."""
+        return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype), self)
+
+    def reduced(self, units: Units) -> "Parameters":
+        """Every leaf in the reduced units of a run."""
+        return dataclasses.replace(
+            self,
+            **{
+                quantity.name: getattr(self, quantity.name)
+                * (1.0 / units.of(quantity.metadata["dimension"]))
+                for quantity in dataclasses.fields(self)
+            },
+        )
+
+
+def per_particle(leaf: Array, particles: int) -> Array:
+    """A leaf as one value for each particle, shape (N,)."""
+    return jnp.broadcast_to(leaf, (particles,))

@@ -1,0 +1,49 @@
+"""The coated particle: its size, masses and weight (Son 2018, Eqs. 3, 9, 11, 20-23).
+
+The only reader of `f_r`. Every function takes `Parameters` and returns shape () or (N,).
+"""
+
+import jax.numpy as jnp
+from jax import Array
+
+from mrjax.parameters import Parameters
+
+
+def outer_radius(parameters: Parameters) -> Array:
+    """f_r R, where fluid and other particles begin; m."""
+    return parameters.f_r * parameters.radius
+
+
+def core_volume(parameters: Parameters) -> Array:
+    """V = 4/3 pi R^3 of the uncoated particle; m^3."""
+    return 4.0 / 3.0 * jnp.pi * parameters.radius**3
+
+
+def mass(parameters: Parameters) -> Array:
+    """Eq. 20: m = (rho_p + rho_c (f_r^3 - 1)) V; kg."""
+    shell = parameters.coating_density * (parameters.f_r**3 - 1.0)
+    return (parameters.particle_density + shell) * core_volume(parameters)
+
+
+def displaced_mass(parameters: Parameters) -> Array:
+    """rho_f f_r^3 V, the fluid whose place the coated particle takes; kg."""
+    return parameters.fluid_density * parameters.f_r**3 * core_volume(parameters)
+
+
+def apparent_density(parameters: Parameters) -> Array:
+    """Mass of the coated particle over its volume; kg/m^3. The rho_c that Eq. 27 needs."""
+    return mass(parameters) / (parameters.f_r**3 * core_volume(parameters))
+
+
+def inertia(parameters: Parameters) -> Array:
+    """M + m_a of Eqs. 2 and 19, with the added mass of Eqs. 11 and 21; kg."""
+    return mass(parameters) + parameters.added_mass * displaced_mass(parameters)
+
+
+def net_weight(parameters: Parameters) -> Array:
+    """Weight less buoyancy (Eqs. 22 and 23), downwards; N.
+
+    The paper labels Eq. 9 F_G and gives it the sign of a weight; buoyancy acts against gravity,
+    as Eq. 23 has it.
+    """
+    return (mass(parameters) - displaced_mass(parameters)) * parameters.gravity

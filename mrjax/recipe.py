@@ -1,0 +1,347 @@
+"""The lab sheet: what a suspension is made of, and what follows from it.
+
+Weight fractions become volume fractions, a number of particles in the box, and the `Parameters`
+that every law reads. Everything is checked here, once.
+"""
+
+import inspect
+from pathlib import Path
+from typing import Annotated, Any
+
+import jax.numpy as jnp
+from jax.typing import DTypeLike
+from pydantic import BeforeValidator, Field, field_validator, model_validator
+
+from mrjax import drag, sheets
+from mrjax.box import AXES, Box
+from mrjax.parameters import Parameters
+from mrjax.sheets import Sheet
+
+RANDOM_CLOSE_PACKING = 0.64
+"""Volume fraction above which equal spheres cannot be dispersed (Desmond & Weeks, 0903.0864)."""
+
+
+class Particle(Sheet):
+    """The uncoated particle."""
+
+    density: float = Field(gt=0, description="the density in kg/m^3, above zero")
+    diameter: float = Field(gt=0, description="the mean diameter in m, above zero")
+    elastic_modulus: float = Field(gt=0, description="the elastic modulus in Pa, above zero")
+    poisson_ratio: float = Field(gt=-1, le=0.5, description="Poisson's ratio, -1 to 0.5")
+
+
+class Fluid(Sheet):
+    """The carrier fluid without additives."""
+
+    density: float = Field(gt=0, description="the density in kg/m^3, above zero")
+    viscosity: float = Field(gt=0, description="the viscosity in Pa s, above zero")
+
+
+class Coating(Sheet):
+    """The layer of surfactant around each particle."""
+
+    density: float = Field(gt=0, description="the density in kg/m^3, above zero")
+    elastic_modulus: float = Field(gt=0, description="the elastic modulus in Pa, above zero")
+    poisson_ratio: float = Field(gt=-1, le=0.5, description="Poisson's ratio, -1 to 0.5")
+    radius_factor: float = Field(ge=1, description="f_r, coated over uncoated radius, at least 1")
+
+
+class Wall(Sheet):
+    """The walls; left out, of the same material as the surfaces of the particles."""
+
+    elastic_modulus: float = Field(gt=0, description="the elastic modulus in Pa, above zero")
+    poisson_ratio: float = Field(gt=-1, le=0.5, description="Poisson's ratio, -1 to 0.5")
+
+
+class Composition(Sheet):
+    """Weight fractions of the whole suspension."""
+
+    particle: float = Field(gt=0, lt=1, description="the weight fraction of particles, 0 to 1")
+    fluid: float = Field(gt=0, lt=1, description="the weight fraction of the fluid, 0 to 1")
+    coating: float = Field(
+        default=0.0, ge=0, lt=1, description="the weight fraction of the coating, 0 to 1"
+    )
+
+    @model_validator(mode="after")
+    def _whole(self):
+        total = self.particle + self.fluid + self.coating
+        if abs(total - 1.0) > 1e-6:
+            raise ValueError(
+                f"particle + fluid + coating = {self.particle} + {self.fluid} + {self.coating} = "
+                f"{total:.6g}; weight fractions must sum to 1"
+            )
+        return self
+
+
+class Drag(Sheet):
+    """The corrections of Stokes' drag."""
+
+    f_w: float | str | dict[str, float | str] = Field(
+        default="son2018",
+        description="a closure's name, a table {closure = name, ...}, or a number above zero",
+    )
+    f_s: float | list[float] = Field(
+        default=1.0, description="a number above zero, or [d_max, d_med, d_min] in m"
+    )
+    f_v: float = Field(default=1.0, gt=0, description="a viscosity ratio above zero")
+    added_mass: float = Field(
+        default=0.5, ge=0, description="added over displaced mass, 0.5 for a sphere"
+    )
+
+    @field_validator("f_w")
+    @classmethod
+    def _a_closure_or_a_factor(cls, f_w):
+        if isinstance(f_w, float):
+            if not f_w > 0:
+                raise ValueError(f"drag.f_w = {f_w}: must be above zero")
+            return f_w
+        sheet = {"closure": f_w} if isinstance(f_w, str) else f_w
+        name = sheet.get("closure")
+        if name not in drag.CLOSURES:
+            raise ValueError(
+                f"drag.f_w = {f_w!r}: no such closure; give a number or one of "
+                f"{', '.join(drag.CLOSURES)}"
+            )
+        known = [key for key in inspect.signature(drag.CLOSURES[name]).parameters][1:]
+        for key, value in sheet.items():
+            if key == "closure":
+                continue
+            if key not in known:
+                raise ValueError(
+                    f"drag.f_w.{key} = {value!r}: {name} has no such coefficient; "
+                    f"known: {', '.join(known) or 'none'}"
+                )
+            if not isinstance(value, float) or not value > 0:
+                raise ValueError(f"drag.f_w.{key} = {value!r}: must be a number above zero")
+        return f_w
+
+    @field_validator("f_s")
+    @classmethod
+    def _a_factor_or_dimensions(cls, f_s):
+        if isinstance(f_s, float):
+            if not f_s > 0:
+                raise ValueError(f"drag.f_s = {f_s}: must be above zero")
+        elif len(f_s) != 3 or sorted(f_s, reverse=True) != f_s or not f_s[-1] > 0:
+            raise ValueError(
+                f"drag.f_s = {f_s}: must be [d_max, d_med, d_min] in m, largest first, above zero"
+            )
+        return f_s
+
+
+class Contact(Sheet):
+    """What happens when particles touch."""
+
+    friction: float = Field(default=0.0, ge=0, description="Coulomb's coefficient, at least 0")
+    restitution: float = Field(
+        default=1.0, gt=0, le=1, description="rebound over impact speed when dry, above 0 to 1"
+    )
+    dissipation: float = Field(default=0.0, ge=0, description="A of Eq. 4 in s, at least 0")
+
+
+def _box(table: Any) -> Box:
+    if isinstance(table, Box):
+        return table
+    if not isinstance(table, dict):
+        raise ValueError(f"box = {table!r}: must be a table with size and periodic")
+    unknown = sorted(set(table) - {"size", "periodic"})
+    if unknown:
+        raise ValueError(
+            f"box.{unknown[0]} = {table[unknown[0]]!r}: unknown key; known here: size, periodic"
+        )
+    if "size" not in table:
+        raise ValueError("box.size is missing; give three lengths in m")
+    return Box(**table)
+
+
+class Recipe(Sheet):
+    """A suspension in a box, as written on a lab sheet; SI units, weight fractions.
+
+    `Recipe.load` reads one; a wrong sheet is an `InputError` in one line.
+    """
+
+    name: str = Field(description="a name for the recipe")
+    particle: Particle = Field(description="a table [particle]")
+    fluid: Fluid = Field(description="a table [fluid]")
+    coating: Coating | None = Field(default=None, description="a table [coating]")
+    wall: Wall | None = Field(default=None, description="a table [wall]")
+    composition: Composition = Field(description="a table [composition]")
+    drag: Drag = Field(default=Drag(), description="a table [drag]")
+    contact: Contact = Field(default=Contact(), description="a table [contact]")
+    box: Annotated[Box, BeforeValidator(_box)] = Field(description="a table [box] with size in m")
+    gravity: float = Field(default=9.81, ge=0, description="g in m/s^2, at least zero")
+
+    @classmethod
+    def load(cls, source: str | Path) -> "Recipe":
+        """A bundled recipe by name (`case1`, `case2`, `case3`) or a TOML file by path.
+
+        Raises:
+          InputError: the file or a value in it cannot be used.
+        """
+        table, _ = sheets.read(source, "mrjax.recipes", "recipe")
+        return sheets.validated(cls, table, str(source))
+
+    @property
+    def volume_fraction(self) -> float:
+        """Phi of the uncoated particles, from the weight fractions; 1."""
+        solid = self.composition.particle / self.particle.density
+        liquid = self.composition.fluid / self.fluid.density
+        shell = self.composition.coating / self.coating.density if self.coating else 0.0
+        return solid / (solid + liquid + shell)
+
+    @property
+    def radius_factor(self) -> float:
+        """f_r, coated over uncoated radius; 1 without a coating."""
+        return self.coating.radius_factor if self.coating else 1.0
+
+    @property
+    def coated_volume_fraction(self) -> float:
+        """Phi f_r^3 of the coated particles, which the closures of f_w read; 1."""
+        return self.volume_fraction * self.radius_factor**3
+
+    @property
+    def particle_count(self) -> int:
+        """N in the box, to the nearest whole number."""
+        return round(self.volume_fraction * self.box.volume / self._core_volume)
+
+    @property
+    def apparent_density(self) -> float:
+        """(rho_p + rho_c (f_r^3 - 1)) / f_r^3 of the coated particle (Eqs. 20 and 27); kg/m^3."""
+        shell = self.radius_factor**3 - 1.0
+        coating = self.coating.density * shell if self.coating else 0.0
+        return (self.particle.density + coating) / self.radius_factor**3
+
+    @property
+    def f_w(self) -> float:
+        """The wall and crowding factor that the sheet asks for (Eqs. 14 and 15)."""
+        if isinstance(self.drag.f_w, float):
+            return self.drag.f_w
+        sheet = {"closure": self.drag.f_w} if isinstance(self.drag.f_w, str) else self.drag.f_w
+        coefficients = {key: value for key, value in sheet.items() if key != "closure"}
+        closure = drag.CLOSURES[sheet["closure"]]
+        return float(closure(self.coated_volume_fraction, **coefficients))
+
+    @property
+    def f_s(self) -> float:
+        """The shape factor that the sheet asks for (Eqs. 16 and 17)."""
+        if isinstance(self.drag.f_s, float):
+            return self.drag.f_s
+        return float(drag.shape_factor(*self.drag.f_s))
+
+    @property
+    def notes(self) -> list[str]:
+        """What the sheet says that does not add up, though it can be simulated."""
+        if not self.coating:
+            return []
+        layer = self.coating.density * (self.radius_factor**3 - 1.0)
+        needed = self.composition.particle * layer / self.particle.density
+        if needed <= self.composition.coating * (1 + 1e-9):
+            return []
+        available = self.composition.coating / self.composition.particle
+        largest = (1.0 + available * self.particle.density / self.coating.density) ** (1 / 3)
+        return [
+            f"a coating of radius_factor {self.radius_factor:g} takes {needed:.2%} of the weight, "
+            f"the composition holds {self.composition.coating:.2%}, enough for {largest:.3f}"
+        ]
+
+    def parameters(self, dtype: DTypeLike = float) -> Parameters:
+        """The physical quantities every law reads: a pytree of scalars in SI units.
+
+        Args:
+          dtype: of the leaves; `float` is JAX's default.
+        """
+        surface = self.coating or self.particle
+        wall = self.wall or surface
+        return Parameters(
+            radius=self.particle.diameter / 2,
+            particle_density=self.particle.density,
+            fluid_density=self.fluid.density,
+            viscosity=self.fluid.viscosity,
+            elastic_modulus=surface.elastic_modulus,
+            poisson_ratio=surface.poisson_ratio,
+            wall_elastic_modulus=wall.elastic_modulus,
+            wall_poisson_ratio=wall.poisson_ratio,
+            friction=self.contact.friction,
+            restitution=self.contact.restitution,
+            dissipation=self.contact.dissipation,
+            gravity=self.gravity,
+            added_mass=self.drag.added_mass,
+            # Without a coating the layer that f_r would add is one of fluid.
+            coating_density=self.coating.density if self.coating else self.fluid.density,
+            f_w=self.f_w,
+            f_s=self.f_s,
+            f_v=self.drag.f_v,
+            f_r=self.radius_factor,
+        ).astype(dtype)
+
+    @property
+    def _core_volume(self) -> float:
+        return 4.0 / 3.0 * float(jnp.pi) * (self.particle.diameter / 2) ** 3
+
+    @model_validator(mode="after")
+    def _can_be_made(self):
+        self._check_coating()
+        self._check_packing()
+        self._check_settles()
+        self._check_closure()
+        self._check_box()
+        return self
+
+    def _check_coating(self):
+        if self.composition.coating > 0 and not self.coating:
+            raise ValueError(
+                f"composition.coating = {self.composition.coating}: there is no table [coating]; "
+                "add one, or set the fraction to 0"
+            )
+
+    def _check_packing(self):
+        limit = RANDOM_CLOSE_PACKING
+        if self.volume_fraction >= limit:
+            packed = limit * self.particle.density
+            most = packed / (packed + (1 - limit) * self.fluid.density)
+            raise ValueError(
+                f"composition.particle = {self.composition.particle}: a volume fraction of "
+                f"{self.volume_fraction:.3f} is denser than random close packing ({limit}); give "
+                f"less than {most:.3f}"
+            )
+        if self.coated_volume_fraction >= limit:
+            most = (limit / self.volume_fraction) ** (1 / 3)
+            raise ValueError(
+                f"coating.radius_factor = {self.radius_factor}: the coated particles would take a "
+                f"volume fraction of {self.coated_volume_fraction:.3f}, denser than random close "
+                f"packing ({limit}); give less than {most:.3f}"
+            )
+
+    def _check_settles(self):
+        if self.apparent_density <= self.fluid.density:
+            raise ValueError(
+                f"fluid.density = {self.fluid.density}: the particles, at "
+                f"{self.apparent_density:.5g} kg/m^3 with their coating, would not settle; give a "
+                "lighter fluid or a denser particle"
+            )
+
+    def _check_closure(self):
+        sheet = self.drag.f_w
+        name = sheet.get("closure") if isinstance(sheet, dict) else sheet
+        if name != "haberman-sayre":
+            return
+        limit = float(drag.volume_fraction_at(drag.HABERMAN_SAYRE_LIMIT))
+        if self.coated_volume_fraction > limit:
+            raise ValueError(
+                f"drag.f_w = {name!r}: holds up to a volume fraction of {limit:.4f} (lambda = "
+                f"{drag.HABERMAN_SAYRE_LIMIT}), not at {self.coated_volume_fraction:.4f}; give "
+                "another closure or a number"
+            )
+
+    def _check_box(self):
+        diameter = self.particle.diameter * self.radius_factor
+        for axis, length in zip(AXES, self.box.size, strict=True):
+            if length <= diameter:
+                raise ValueError(
+                    f"box.size = {list(self.box.size)}: not larger along {axis} than a particle of "
+                    f"{diameter:.4g} m; give a larger box"
+                )
+        if self.particle_count < 1:
+            raise ValueError(
+                f"box.size = {list(self.box.size)}: holds {self.volume_fraction:.3g} of its volume "
+                "in particles, less than one particle; give a larger box"
+            )

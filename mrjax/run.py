@@ -1,0 +1,81 @@
+"""The result of a simulation, and whether it is one."""
+
+from dataclasses import dataclass, field
+from enum import IntFlag
+
+import jax
+from jax import Array
+
+from mrjax.concrete import concrete
+from mrjax.errors import SimulationError
+from mrjax.state import State
+
+
+class Fault(IntFlag):
+    """Why a run is not to be trusted."""
+
+    PAIRS_DROPPED = 1
+    CELLS_OVERFULL = 2
+    OUTRAN_LIST = 4
+    UNSTABLE = 8
+    TOO_DEEP = 16
+    ESCAPED = 32
+    NOT_FINITE = 64
+
+
+REMEDIES = {
+    Fault.NOT_FINITE: "a position or velocity is not finite: check the parameters for zero or "
+    "negative values, or give a smaller time_step",
+    Fault.ESCAPED: "a particle went through a wall: give a smaller time_step",
+    Fault.TOO_DEEP: "two surfaces overlap by more than a quarter of a radius, where the contact law "
+    "does not hold: give a smaller time_step, a stiffer material, or a start without overlap",
+    Fault.UNSTABLE: "the contacts became stiffer than the step can follow: give a smaller "
+    "time_step",
+    Fault.OUTRAN_LIST: "a particle travelled, or a radius grew, beyond the skin of the neighbour "
+    "list: give a smaller rebuild_every or a wider skin, or a state with a larger contact_diameter",
+    Fault.PAIRS_DROPPED: "the neighbour list was too short for this packing: give a larger "
+    "capacity",
+    Fault.CELLS_OVERFULL: "the search cells were too small for this packing: give a larger "
+    "cell_capacity",
+}
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Run:
+    """Observables along a run, and its last state.
+
+    Where a fault was found inside a traced call, every number here is NaN; a plain call raises.
+    """
+
+    times: Array
+    """From 0 to the duration, (frames + 1,) in s."""
+    mudline: Array
+    """Height of the top of the highest particle, (frames + 1,) in m."""
+    mean_velocity: Array
+    """Mean velocity of all particles, downwards, (frames + 1,) in m/s."""
+    state: State
+    """Positions, velocities and spins at the end."""
+    deepest_overlap: Array
+    """Deepest overlap in the run, as a fraction of the particle's radius, ()."""
+    fault: Array
+    """0, or the sum of the `Fault`s that were met, ()."""
+    initial_height: float = field(metadata={"static": True})
+    """Height that the dispersed suspension fills, m."""
+    time_step: float = field(metadata={"static": True})
+    """Length of a step, s."""
+    steps: int = field(metadata={"static": True})
+    """Number of steps."""
+
+    def check(self) -> None:
+        """Passes where the run is good, and where it is traced and cannot be looked at.
+
+        Raises:
+          SimulationError: the run is not to be trusted; the message says why and what to change.
+        """
+        found = concrete(self.fault)
+        if found is None or not found.any():
+            return
+        faults = Fault(int(found.flat[found.argmax()]))
+        reason = next(remedy for fault, remedy in REMEDIES.items() if fault in faults)
+        raise SimulationError(f"{reason} (step {self.time_step:.3g} s, {self.steps} steps)")

@@ -1,0 +1,138 @@
+"""TOML sheets: found, read, validated, and every fault said in one line with its remedy."""
+
+import difflib
+import tomllib
+from importlib import resources
+from pathlib import Path
+from typing import Any, NoReturn, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from mrjax.errors import InputError
+
+
+class Sheet(BaseModel):
+    """A table of a TOML file: known keys only, numbers that are numbers, frozen once read.
+
+    Each field's description says what to give, and becomes the remedy in an error.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+SheetType = TypeVar("SheetType", bound=Sheet)
+
+
+def read(source: str | Path, package: str, kind: str) -> tuple[dict[str, Any], Path]:
+    """A TOML file by path, or one that is bundled in `package` by its name.
+
+    Returns:
+      the tables, and the path they were read from.
+
+    Raises:
+      InputError: no such file, a directory, no permission, or not TOML.
+    """
+    bundled = {
+        Path(entry.name).stem: entry
+        for entry in resources.files(package).iterdir()
+        if entry.name.endswith(".toml")
+    }
+    path = Path(str(bundled[source])) if source in bundled else Path(source)
+    names = ", ".join(sorted(bundled))
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise InputError(
+            f"{source}: no such file, and no bundled {kind}; give a TOML file or one of {names}"
+        ) from None
+    except IsADirectoryError:
+        raise InputError(
+            f"{source}: is a directory; give a TOML file in it, or one of {names}"
+        ) from None
+    except UnicodeDecodeError:
+        raise InputError(f"{source}: is not UTF-8 text; save the {kind} as UTF-8 TOML") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{source}: cannot be read ({reason}); check the path") from None
+    try:
+        return tomllib.loads(text), path
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{source}: is not TOML: {error}; mend that line") from None
+
+
+def validated(model: type[SheetType], table: dict[str, Any], source: str) -> SheetType:
+    """The table as a checked `model`.
+
+    Raises:
+      InputError: the first fault: its key, the value, what is wrong and what to give.
+    """
+    try:
+        return model.model_validate(table)
+    except ValidationError as error:
+        _refuse(model, error, source)
+
+
+def _refuse(model: type[Sheet], error: ValidationError, source: str) -> NoReturn:
+    fault = error.errors(include_url=False)[0]
+    path = [part for part in fault["loc"] if not _is_branch(part)]
+    key = ".".join(str(part) for part in path)
+    field = _field(model, path)
+    give = f"; give {field.description}" if field is not None and field.description else ""
+    match fault["type"]:
+        case "missing":
+            message = f"{key} is missing{give}"
+        case "extra_forbidden":
+            known = _known_keys(model, path[:-1])
+            close = difflib.get_close_matches(str(path[-1]), known, n=1)
+            hint = f"did you mean {close[0]}?" if close else f"known here: {', '.join(known)}"
+            message = f"{key} = {_shown(fault['input'])}: unknown key; {hint}"
+        case "value_error":
+            message = str(fault["ctx"]["error"])
+            message = f"{key}: {message}" if key and key not in message else message
+        case _:
+            problem = (
+                fault["msg"]
+                .replace("Input should", "must", 1)
+                .replace("must be a valid", "must be a")
+            )
+            message = f"{key} = {_shown(fault['input'])}: {problem}{give}"
+    raise InputError(f"{source}: {message}") from None
+
+
+def _is_branch(part: Any) -> bool:
+    """Whether a part of an error's location names a branch of a union, not a key."""
+    return isinstance(part, str) and ("[" in part or part in {"float", "str", "int"})
+
+
+def _shown(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def _model_at(model: type[Sheet], path: list) -> type[Sheet] | None:
+    for part in path:
+        field = model.model_fields.get(part) if isinstance(part, str) else None
+        if field is None:
+            continue
+        inner = [
+            candidate
+            for candidate in (field.annotation, *getattr(field.annotation, "__args__", ()))
+            if isinstance(candidate, type) and issubclass(candidate, BaseModel)
+        ]
+        if not inner:
+            return None
+        model = inner[0]
+    return model
+
+
+def _field(model: type[Sheet], path: list):
+    names = [part for part in path if isinstance(part, str)]
+    if not names:
+        return None
+    owner = _model_at(model, names[:-1])
+    return owner.model_fields.get(names[-1]) if owner else None
+
+
+def _known_keys(model: type[Sheet], path: list) -> list[str]:
+    owner = _model_at(model, path)
+    return list(owner.model_fields) if owner else []

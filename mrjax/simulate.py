@@ -1,0 +1,330 @@
+"""The run: one compiled scan over frames, rebuilds of the neighbour list, and steps.
+
+Lab units end at the door: the scan works with the contact radius as unit of length and the step as
+unit of time. What a fault spoils is NaN in a traced call and an error in a plain one.
+"""
+
+from dataclasses import replace
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array, lax
+
+from mrjax import forces, leapfrog, neighbours, particle, schedule, timestep
+from mrjax.box import AXES, Box
+from mrjax.concrete import concrete
+from mrjax.errors import InputError
+from mrjax.neighbours import Plan
+from mrjax.parameters import Parameters
+from mrjax.run import Fault, Run
+from mrjax.schedule import Schedule
+from mrjax.state import State
+from mrjax.units import Units
+
+DEEPEST = 0.25
+"""Overlap, as a fraction of the radius, beyond which Hertz's law is not a description."""
+
+
+def simulate(
+    state: State,
+    parameters: Parameters,
+    box: Box,
+    *,
+    duration: float,
+    frames: int = 1,
+    time_step: float | None = None,
+    skin: float = 0.1,
+    rebuild_every: int | None = None,
+    capacity: int | None = None,
+    cell_capacity: int | None = None,
+) -> Run:
+    """Follows the particles for a while.
+
+    Pure: works under `jit`, `grad`, `jvp` and `vmap`, in the dtype of the state. A plain call
+    gives the neighbour list more room, or rebuilds it more often, and repeats where that is what a
+    run needs; a traced call cannot, and returns NaN with the reason in `Run.fault`.
+
+    Args:
+      state: where the particles start, from `disperse` or `place`.
+      parameters: of particles, fluid and contact.
+      box: the container.
+      duration: s.
+      frames: number of times at which observables are recorded, beside the start.
+      time_step: longest step, s; shortened so that the steps fill the frames. Left out, it is
+        `mrjax.time_step(parameters)` (Eq. 29). Never differentiated through.
+      skin: reach of the neighbour list beyond contact, as a fraction of the contact diameter.
+      rebuild_every: most steps between rebuilds of the list; left out, chosen so that nothing
+        falls through the skin in between.
+      capacity, cell_capacity: room in the neighbour list and its search cells; left out, for a
+        random close packing.
+
+    Raises:
+      InputError: an argument that cannot be used, a step that would be unstable, or a traced value
+        where a concrete one is needed.
+      SimulationError: the run is not to be trusted (plain calls).
+    """
+    frames = _whole(frames, "frames")
+    duration = _positive(duration, "duration", "s")
+    _refuse_outside(state, box)
+    diameter = schedule.contact_diameter(state, parameters, slack=skin / 4)
+    speed = schedule.fastest(state, parameters, duration)
+    if time_step is None:
+        time_step = _chosen_step(parameters)
+    time_step = min(duration / frames, _positive(time_step, "time_step", "s"))
+
+    units = Units(mass=1000.0 * (diameter / 2) ** 3, length=diameter / 2, time=time_step)
+    plan = neighbours.plan(
+        box.scaled(1 / units.length),
+        state.particles,
+        2.0,
+        schedule.smallest_diameter(parameters, diameter) / units.length,
+        2.0 * skin,
+    )
+    if capacity is not None:
+        plan = replace(plan, capacity=min(capacity, state.particles - 1))
+    if cell_capacity is not None:
+        plan = replace(plan, cell_capacity=cell_capacity)
+
+    _refuse_unstable(state, parameters, box, duration, time_step, speed, diameter, plan, units)
+    if rebuild_every is None:
+        rebuild_every = _steps_within_skin(speed, time_step, skin * diameter)
+    cuts = schedule.cut(duration, time_step, frames, rebuild_every)
+
+    while True:
+        run = _run(state, parameters, box, duration, diameter / 2, plan, cuts)
+        fault = concrete(run.fault)
+        if fault is None or not fault.any():
+            return run
+        overflow = int(fault) & (Fault.PAIRS_DROPPED | Fault.CELLS_OVERFULL)
+        if overflow:
+            plan = plan.grown(overflow, state.particles)
+        elif int(fault) == Fault.OUTRAN_LIST and cuts.steps > 1:
+            cuts = cuts.rebuilt_more_often()
+        else:
+            run.check()
+
+
+def _run(
+    state: State,
+    parameters: Parameters,
+    box: Box,
+    duration: float,
+    unit_length: float,
+    plan: Plan,
+    cuts: Schedule,
+) -> Run:
+    """One attempt: SI to reduced units, the scan, and back."""
+    time_step = duration / cuts.total
+    units = Units(mass=1000.0 * unit_length**3, length=unit_length, time=time_step)
+    dtype = state.position.dtype
+    position, velocity, mudline, descent, overlap, fault = _scan(
+        state.position.T / units.length,
+        state.velocity.T / units.velocity,
+        parameters.reduced(units).astype(dtype),
+        box=box.scaled(1 / units.length),
+        plan=plan,
+        cuts=cuts,
+    )
+    # A factor, not a choice: the derivative of what must not be used is NaN too.
+    sound = jnp.where(fault == 0, 1.0, jnp.nan).astype(dtype)
+    last = replace(
+        state,
+        position=sound * units.length * position.T,
+        velocity=sound * units.velocity * velocity.T,
+        spin=sound * state.spin,
+    )
+    return Run(
+        times=jnp.asarray(np.linspace(0.0, duration, cuts.frames + 1), dtype),
+        mudline=sound * units.length * mudline,
+        mean_velocity=sound * units.velocity * descent,
+        state=last,
+        deepest_overlap=sound * overlap,
+        fault=fault,
+        initial_height=box.height,
+        time_step=time_step,
+        steps=cuts.total,
+    )
+
+
+@partial(jax.jit, static_argnames=("box", "plan", "cuts"))
+def _scan(
+    position: Array,
+    velocity: Array,
+    parameters: Parameters,
+    *,
+    box: Box,
+    plan: Plan,
+    cuts: Schedule,
+) -> tuple[Array, Array, Array, Array, Array, Array]:
+    """The compiled loops, in reduced units with steps of length one; positions (3, N)."""
+    particles = position.shape[1]
+    force = forces.total(parameters, box, particles)
+    kick = leapfrog.kick(parameters, 1.0)
+    radius = particle.outer_radius(parameters)
+    skin_left = plan.cutoff - 2.0 * jnp.max(radius)
+
+    def observe(position: Array, velocity: Array) -> tuple[Array, Array]:
+        return jnp.max(position[2] + radius), -jnp.mean(velocity[2])
+
+    @partial(jax.checkpoint, prevent_cse=False)
+    def between_rebuilds(carry, _):
+        position, velocity, deepest, fault = carry
+        listed = neighbours.build(plan, box, position.T)
+
+        @partial(jax.checkpoint, prevent_cse=False)
+        def step(carry, _):
+            travelled, velocity, deepest, farthest = carry
+            travelled, velocity, overlap = leapfrog.step(
+                travelled,
+                velocity,
+                lambda moved, velocity: force(position, moved, velocity, listed),
+                kick,
+                1.0,
+            )
+            farthest = jnp.maximum(farthest, lax.stop_gradient(jnp.max(sum(travelled**2))))
+            deepest = jnp.maximum(deepest, lax.stop_gradient(overlap))
+            return (travelled, velocity, deepest, farthest), None
+
+        start = (jnp.zeros_like(position), velocity, deepest, jnp.zeros_like(deepest))
+        (travelled, velocity, deepest, farthest), _ = lax.scan(step, start, length=cuts.steps)
+        outran = (2.0 * jnp.sqrt(farthest) > skin_left) & (plan.capacity > 0)
+        fault = fault | listed.overflow | jnp.where(outran, int(Fault.OUTRAN_LIST), 0)
+        return (position + travelled, velocity, deepest, fault), None
+
+    def frame(carry, _):
+        carry, _ = lax.scan(between_rebuilds, carry, length=cuts.rebuilds)
+        return carry, observe(*carry[:2])
+
+    nothing = (jnp.zeros((), position.dtype), jnp.zeros((), jnp.int32))
+    at_start = observe(position, velocity)
+    (position, velocity, deepest, fault), after = lax.scan(
+        frame, (position, velocity, *nothing), length=cuts.frames
+    )
+    mudline, descent = (
+        jnp.concatenate([first[None], later]) for first, later in zip(at_start, after, strict=True)
+    )
+    fault = fault | _faults_of_motion(parameters, box, position, velocity, deepest)
+    return position, velocity, mudline, descent, deepest, fault
+
+
+def _faults_of_motion(
+    parameters: Parameters, box: Box, position: Array, velocity: Array, deepest: Array
+) -> Array:
+    """What a finished run shows of a step that was too long, ()."""
+    overlap = deepest * jnp.max(particle.outer_radius(parameters))
+    limit = timestep.largest_stable_step(parameters, overlap, timestep.TOUCHING_PAIR)
+    escaped = jnp.zeros((), bool)
+    for axis in box.walled_axes:
+        outside = (position[axis] < 0.0) | (position[axis] > box.size[axis])
+        escaped = escaped | jnp.any(outside)
+    finite = jnp.all(jnp.isfinite(position)) & jnp.all(jnp.isfinite(velocity))
+    found = (
+        (limit < 1.0, Fault.UNSTABLE),
+        (deepest > DEEPEST, Fault.TOO_DEEP),
+        (escaped, Fault.ESCAPED),
+        (~finite, Fault.NOT_FINITE),
+    )
+    return sum(jnp.where(here, int(fault), 0) for here, fault in found).astype(jnp.int32)
+
+
+def _chosen_step(parameters: Parameters) -> float:
+    chosen = concrete(timestep.time_step(parameters))
+    if chosen is None:
+        raise InputError(
+            "the parameters are traced by jit or vmap, so simulate cannot choose a step; give "
+            "time_step=float(mrjax.time_step(parameters)), computed outside"
+        )
+    return float(chosen)
+
+
+def _refuse_unstable(
+    state: State,
+    parameters: Parameters,
+    box: Box,
+    duration: float,
+    time_step: float,
+    speed: float | None,
+    diameter: float,
+    plan: Plan,
+    units: Units,
+) -> None:
+    """A step that the contacts to be expected would not survive; a free fall takes any step."""
+    load = schedule.resting_load(parameters, box, diameter)
+    overlap = concrete(
+        timestep.expected_overlap(parameters, load, 0.0 if speed is None else 2 * speed)
+    )
+    if speed is None or overlap is None:
+        return
+    largest = float(concrete(timestep.largest_stable_step(parameters, float(overlap))))
+    if time_step <= largest:
+        return
+    gap = _smallest_gap(state, parameters, box, plan, units)
+    if gap is not None and gap > 2 * speed * duration:
+        return
+    raise InputError(
+        f"time_step = {time_step:.4g} s is unstable for contacts this stiff; the largest that "
+        f"would do is {largest:.3g} s"
+    )
+
+
+def _smallest_gap(
+    state: State, parameters: Parameters, box: Box, plan: Plan, units: Units
+) -> float | None:
+    """Distance that the closest surfaces, of particles or walls, are apart, m; None if traced."""
+    position = concrete(state.position)
+    if position is None:
+        return None
+    radius = np.broadcast_to(concrete(particle.outer_radius(parameters)), position.shape[:1])
+    listed = neighbours.build(
+        plan, box.scaled(1 / units.length), jnp.asarray(position / units.length)
+    )
+    if int(listed.overflow):
+        return None
+    between = float(neighbours.smallest_gap(listed, jnp.asarray(radius / units.length)))
+    from_walls = (
+        np.minimum(position[:, axis], box.size[axis] - position[:, axis]) - radius
+        for axis in box.walled_axes
+    )
+    # Pairs that are not listed are farther apart than the skin.
+    unlisted = np.inf if state.particles == 1 else plan.cutoff - 2.0
+    gaps = [min(between, unlisted) * units.length, *(gap.min() for gap in from_walls)]
+    return float(min(gaps))
+
+
+def _refuse_outside(state: State, box: Box) -> None:
+    position = concrete(state.position)
+    if position is None:
+        return
+    for axis in box.walled_axes:
+        for row in np.flatnonzero((position[:, axis] < 0) | (position[:, axis] > box.size[axis])):
+            raise InputError(
+                f"particle {row} is at {AXES[axis]} = {position[row, axis]:.4g} m, outside the "
+                f"walls at 0 and {box.size[axis]:.4g} m; move it inside or make the axis periodic"
+            )
+
+
+def _steps_within_skin(speed: float | None, time_step: float, skin: float) -> int:
+    most = schedule.MOST_STEPS_BETWEEN_REBUILDS
+    if not speed:
+        return most
+    return max(1, min(most, int(0.25 * skin / (speed * time_step))))
+
+
+def _positive(value, name: str, unit: str) -> float:
+    known = concrete(value)
+    if known is None:
+        raise InputError(
+            f"{name} is traced by jit or vmap; it fixes the number of steps, so give a number in "
+            f"{unit}"
+        )
+    if known.ndim or not np.isfinite(known) or known <= 0:
+        raise InputError(f"{name} = {value} must be a positive number of {unit}")
+    return float(known)
+
+
+def _whole(value: int, name: str) -> int:
+    if isinstance(value, bool) or int(value) != value or value < 1:
+        raise InputError(f"{name} = {value} must be a whole number, at least 1")
+    return int(value)

@@ -1,0 +1,78 @@
+"""Where the particles are: positions, velocities, spins; and particles put by hand."""
+
+from dataclasses import dataclass, field
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike, DTypeLike
+
+from mrjax.errors import InputError
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class State:
+    """N particles at one moment."""
+
+    position: Array
+    """Centres, (N, 3) in m. On periodic axes they run on past the box (`Box.wrap`)."""
+    velocity: Array
+    """(N, 3) in m/s."""
+    spin: Array
+    """Angular velocity, (N, 3) in rad/s. Kept as given: the normal law exerts no torque."""
+    contacts: None = None
+    """The place of the tangential law's history; the normal law has none."""
+    contact_diameter: float | None = field(default=None, metadata={"static": True})
+    """Largest distance of centres at which two particles touch, m. It fixes the reach of the
+    neighbour list where the parameters are traced; None: read from concrete parameters."""
+
+    @property
+    def particles(self) -> int:
+        """N."""
+        return self.position.shape[0]
+
+
+def place(
+    positions: ArrayLike,
+    velocities: ArrayLike | None = None,
+    spins: ArrayLike | None = None,
+    *,
+    contact_diameter: float | None = None,
+    dtype: DTypeLike = float,
+) -> State:
+    """Particles put by hand.
+
+    Args:
+      positions: centres, (N, 3) in m.
+      velocities: (N, 3) in m/s; at rest when left out.
+      spins: (N, 3) in rad/s; none when left out.
+      contact_diameter: largest distance at which two of them touch, m; only needed where
+        `simulate` is called with traced radii.
+      dtype: of the state, and so of a run that starts from it; `float` is JAX's default.
+
+    Raises:
+      InputError: an array of another shape.
+    """
+    position = jnp.asarray(positions, dtype)
+    if position.ndim != 2 or position.shape[1] != 3 or position.shape[0] == 0:
+        raise InputError(
+            f"positions have shape {position.shape}; give one row of x, y, z for each particle, "
+            "shape (N, 3)"
+        )
+
+    def like_positions(name: str, values: ArrayLike | None) -> Array:
+        array = jnp.zeros_like(position) if values is None else jnp.asarray(values, dtype)
+        if array.shape != position.shape:
+            raise InputError(
+                f"{name} have shape {array.shape}; give the shape of the positions, "
+                f"{position.shape}"
+            )
+        return array
+
+    return State(
+        position,
+        like_positions("velocities", velocities),
+        like_positions("spins", spins),
+        contact_diameter=contact_diameter,
+    )

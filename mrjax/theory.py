@@ -1,0 +1,47 @@
+"""Closed forms: what a simulation must reproduce where the paper, or Hertz, has an exact answer."""
+
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike
+
+from mrjax import contact, drag, particle
+from mrjax.leapfrog import mean_decay
+from mrjax.parameters import Parameters
+from mrjax.timestep import relaxation_time
+
+
+def terminal_velocity(parameters: Parameters) -> Array:
+    """beta/alpha of Eqs. 13 and 27: net weight over drag coefficient, downwards; m/s, () or (N,).
+
+    f_w, f_s and f_v enter only as a product. Infinite without drag.
+    """
+    return particle.net_weight(parameters) / drag.coefficient(parameters)
+
+
+def free_fall_velocity(
+    parameters: Parameters, time: ArrayLike, initial_velocity: ArrayLike = 0.0
+) -> Array:
+    """Eqs. 13 and 27: v(t) = v_0 e^{-alpha t} + beta/alpha (1 - e^{-alpha t}), downwards; m/s.
+
+    alpha carries the added mass of Eq. 12 and the inertia of the coated particle; the paper prints
+    it with neither. Without drag this is v_0 + beta t.
+
+    Args:
+      time: s, any shape that broadcasts with the parameters.
+      initial_velocity: m/s, downwards.
+    """
+    decay = time / relaxation_time(parameters)
+    acceleration = particle.net_weight(parameters) / particle.inertia(parameters)
+    return initial_velocity * jnp.exp(-decay) + acceleration * time * mean_decay(decay)
+
+
+def hertz_duration(
+    modulus: ArrayLike, radius: ArrayLike, mass: ArrayLike, speed: ArrayLike
+) -> Array:
+    """Duration of an elastic impact, 2.94328 d_max / v; s. Arguments as for `contact.impact_overlap`."""
+    return 2.94328 * contact.impact_overlap(modulus, radius, mass, speed) / speed
+
+
+def hertz_force(modulus: ArrayLike, radius: ArrayLike, overlap: ArrayLike) -> Array:
+    """Elastic force 4/3 E* sqrt(R*) d^(3/2) at an overlap d in m; N."""
+    return contact.stiffness(modulus, radius, overlap) * overlap * (2 / 3)

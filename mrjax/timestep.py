@@ -1,0 +1,104 @@
+"""How long a step may be (Son 2018, section 2.5, and the stability of the exponential leapfrog).
+
+Every function takes `Parameters` and works in any coherent unit; times are in s for SI.
+"""
+
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike
+
+from mrjax import contact, drag, particle
+from mrjax.parameters import Parameters
+
+REFINEMENT = 20.0
+"""h_t of Eq. 29. The paper's cases 2 and 3 come to 20.6 and 16.3."""
+
+CLOSE_PACKED = 8.0
+"""Highest omega^2 m / k of spheres joined by springs k: the face-centred cubic lattice."""
+
+TOUCHING_PAIR = 2.0
+"""omega^2 m / k of two spheres joined by one spring k."""
+
+
+def rayleigh_time(parameters: Parameters) -> Array:
+    """Eq. 26: t_c = pi R / (0.1631 nu + 0.8766) sqrt(rho / G), least over the particles; s, ().
+
+    R and rho are those of the coated particle, G = E / 2(1 + nu) that of its surface.
+    """
+    shear_modulus = parameters.elastic_modulus / (2.0 * (1.0 + parameters.poisson_ratio))
+    slowness = jnp.sqrt(particle.apparent_density(parameters) / shear_modulus)
+    shape = 0.1631 * parameters.poisson_ratio + 0.8766
+    return jnp.min(jnp.pi * particle.outer_radius(parameters) / shape * slowness)
+
+
+def relaxation_time(parameters: Parameters) -> Array:
+    """1/alpha of Eqs. 13 and 27: (m + m_a) / gamma; s, () or (N,). Infinite without drag.
+
+    The paper prints alpha without the added mass of Eq. 12 and, for coated particles, with the
+    density of the coating; the inertia is that of the coated particle with its added mass.
+    """
+    return particle.inertia(parameters) / drag.coefficient(parameters)
+
+
+def rise_time(parameters: Parameters) -> Array:
+    """Eq. 28: t_r = ln(100)/alpha, least over the particles; s, (). Infinite without drag.
+
+    The paper prints (1/alpha) ln[1 - 0.99 alpha/beta]^-1; 99 % of the final velocity is reached
+    when exp(-alpha t) = 0.01.
+    """
+    return jnp.log(100.0) * jnp.min(relaxation_time(parameters))
+
+
+def time_step(parameters: Parameters, refinement: ArrayLike = REFINEMENT) -> Array:
+    """Eq. 29: MIN(t_c, t_r) / h_t, which resolves every contact and the rise; s, ()."""
+    return jnp.minimum(rayleigh_time(parameters), rise_time(parameters)) / refinement
+
+
+def expected_overlap(parameters: Parameters, load: ArrayLike, speed: ArrayLike) -> Array:
+    """Deepest overlap under a resting load, or from an impact if that is deeper; m, ().
+
+    Args:
+      load: force on one contact, N.
+      speed: of approach, m/s.
+    """
+    modulus, radius, mass = _pair(parameters)
+    resting = (3.0 * load / (4.0 * modulus * jnp.sqrt(radius))) ** (2 / 3)
+    impact = contact.impact_overlap(modulus, radius, mass, speed)
+    return jnp.max(jnp.maximum(resting, impact))
+
+
+def largest_stable_step(
+    parameters: Parameters, overlap: ArrayLike, arrangement: float = CLOSE_PACKED
+) -> Array:
+    """Largest step at which contacts of this overlap stay stable, at any drag; s, ().
+
+    A particle of mass m and drag coefficient gamma on a spring K is stable while
+
+        dt K/gamma tanh(alpha dt / 2) < 2,
+
+    which max(2 sqrt(m/K), 2 gamma/K) satisfies: the leapfrog's limit without drag, overdamped
+    Euler's with much. K is `arrangement` times the stiffness of one contact (Eq. 25): particles
+    that touch each other move against each other. Infinite where nothing overlaps.
+    """
+    modulus, radius, _ = _pair(parameters)
+    spring = arrangement * contact.stiffness(modulus, radius, overlap)
+    touching = spring > 0.0
+    spring = jnp.where(touching, spring, 1.0)
+    inertial = 2.0 * jnp.sqrt(particle.inertia(parameters) / spring)
+    overdamped = 2.0 * drag.coefficient(parameters) / spring
+    return jnp.min(jnp.where(touching, jnp.maximum(inertial, overdamped), jnp.inf))
+
+
+def _pair(parameters: Parameters) -> tuple[Array, Array, Array]:
+    """Upper bounds on E*, R* and m* of any contact: with a like particle or with the wall."""
+    outer = particle.outer_radius(parameters)
+    of_surface = (parameters.elastic_modulus, parameters.poisson_ratio)
+    with_wall = contact.effective_modulus(
+        *of_surface, parameters.wall_elastic_modulus, parameters.wall_poisson_ratio
+    )
+    with_particle = contact.effective_modulus(*of_surface, *of_surface)
+    return (
+        jnp.maximum(with_wall, with_particle),
+        outer,
+        particle.inertia(parameters),
+    )

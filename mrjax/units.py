@@ -1,0 +1,29 @@
+"""Reduced units of one run: SI at the public boundary, numbers of order one in the kernel.
+
+Laws are written in any coherent system of units, so the same functions serve both.
+"""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Units:
+    """What one reduced unit is in SI.
+
+    Plain floats, so that the factors are formed in double precision whatever the run's dtype:
+    in single precision 1/d**8 of a micrometre particle is already infinite.
+    """
+
+    mass: float  # kg
+    length: float  # m
+    time: float  # s
+
+    def of(self, dimension: tuple[int, int, int]) -> float:
+        """SI value of one reduced unit of kg^a m^b s^c, for dimension (a, b, c)."""
+        mass, length, time = dimension
+        return self.mass**mass * self.length**length * self.time**time
+
+    @property
+    def velocity(self) -> float:
+        """One reduced unit of velocity, m/s."""
+        return self.length / self.time

@@ -1,0 +1,26 @@
+"""Strict JAX for every test: double precision, no silent promotion of dtypes or ranks."""
+
+import jax
+import pytest
+
+import mrjax
+
+jax.config.update("jax_enable_x64", True)
+jax.config.update("jax_numpy_dtype_promotion", "strict")
+jax.config.update("jax_numpy_rank_promotion", "raise")
+
+
+@pytest.fixture(scope="session", params=["case1", "case2", "case3"])
+def case(request) -> mrjax.Recipe:
+    """Each of the paper's three cases."""
+    return mrjax.Recipe.load(request.param)
+
+
+@pytest.fixture(scope="session")
+def case2() -> mrjax.Recipe:
+    return mrjax.Recipe.load("case2")
+
+
+@pytest.fixture(scope="session")
+def case3() -> mrjax.Recipe:
+    return mrjax.Recipe.load("case3")
