@@ -10,6 +10,7 @@ The factors are calibration constants more than crowding physics: the exact drag
 array at a volume fraction of 0.34 is about 15 times Stokes' (Zick & Homsy 1982), Eq. 14 gives 49.
 """
 
+import math
 from collections.abc import Callable
 
 import jax.numpy as jnp
@@ -41,7 +42,7 @@ def diameter_ratio(volume_fraction: ArrayLike) -> Array:
 
 def volume_fraction_at(ratio: float) -> float:
     """Eq. 15 solved for the volume fraction; 1."""
-    return 4.0 * jnp.pi / (3.0 * (1.0 + 1.0 / ratio) ** 3)
+    return 4.0 * math.pi / (3.0 * (1.0 + 1.0 / ratio) ** 3)
 
 
 def son2018_uncapped(

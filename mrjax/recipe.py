@@ -5,10 +5,11 @@ that every law reads. Everything is checked here, once.
 """
 
 import inspect
+import math
 from pathlib import Path
 from typing import Annotated, Any
 
-import jax.numpy as jnp
+import jax
 from jax.typing import DTypeLike
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
@@ -218,14 +219,16 @@ class Recipe(Sheet):
         sheet = {"closure": self.drag.f_w} if isinstance(self.drag.f_w, str) else self.drag.f_w
         coefficients = {key: value for key, value in sheet.items() if key != "closure"}
         closure = drag.CLOSURES[sheet["closure"]]
-        return float(closure(self.coated_volume_fraction, **coefficients))
+        with jax.ensure_compile_time_eval():  # a sheet holds numbers, also where jit is tracing
+            return float(closure(self.coated_volume_fraction, **coefficients))
 
     @property
     def f_s(self) -> float:
         """The shape factor that the sheet asks for (Eqs. 16 and 17)."""
         if isinstance(self.drag.f_s, float):
             return self.drag.f_s
-        return float(drag.shape_factor(*self.drag.f_s))
+        with jax.ensure_compile_time_eval():
+            return float(drag.shape_factor(*self.drag.f_s))
 
     @property
     def notes(self) -> list[str]:
@@ -275,7 +278,7 @@ class Recipe(Sheet):
 
     @property
     def _core_volume(self) -> float:
-        return 4.0 / 3.0 * float(jnp.pi) * (self.particle.diameter / 2) ** 3
+        return 4.0 / 3.0 * math.pi * (self.particle.diameter / 2) ** 3
 
     @model_validator(mode="after")
     def _can_be_made(self):

@@ -10,7 +10,6 @@ import numpy as np
 
 from mrjax import particle, timestep
 from mrjax.box import Box
-from mrjax.concrete import concrete
 from mrjax.errors import InputError
 from mrjax.parameters import Parameters
 from mrjax.state import State
@@ -58,53 +57,58 @@ def cut(duration: float, time_step: float, frames: int, rebuild_every: int) -> S
     return Schedule(frames, rebuilds, math.ceil(in_frame / rebuilds))
 
 
-def contact_diameter(state: State, parameters: Parameters, slack: float) -> float:
+def contact_diameter(state: State, radius: np.ndarray, slack: float) -> float:
     """Largest distance of centres at which two particles touch, m.
 
     The one that came with the state where the radii are traced, or where it holds within `slack`
     (a fraction): so that neighbouring parameter values share one compiled program.
 
+    Args:
+      state: its own contact diameter, if any.
+      radius: of the coated particles, m; NaN where traced.
+      slack: fraction of the skin that the radii may have grown into.
+
     Raises:
       InputError: neither the state nor concrete parameters tell.
     """
-    known = state.contact_diameter
-    radius = concrete(particle.outer_radius(parameters))
-    if radius is None:
-        if known is None:
+    given, actual = state.contact_diameter, 2.0 * float(np.max(radius))
+    if np.isnan(actual):
+        if given is None:
             raise InputError(
                 "radius or f_r is traced, so the reach of the neighbour list is unknown; give "
                 "place(..., contact_diameter=...) or a state from disperse"
             )
-        return known
-    actual = 2.0 * float(radius.max())
-    return (
-        known
-        if known is not None and known <= actual * 1.5 and actual <= known * (1 + slack)
-        else actual
-    )
+        return given
+    serves = given is not None and actual * (1 - slack) <= given and actual <= given * (1 + slack)
+    return given if serves else actual
 
 
-def smallest_diameter(parameters: Parameters, largest: float) -> float:
-    """Diameter of the smallest coated particle, m; the largest where it is traced."""
-    radius = concrete(particle.outer_radius(parameters))
-    return largest if radius is None else 2.0 * float(radius.min())
-
-
-def fastest(state: State, parameters: Parameters, duration: float) -> float | None:
-    """Upper bound on the speed of particles that fall freely, m/s; None where it is traced.
+def fastest(velocity: np.ndarray | None, numbers: Parameters, duration: float) -> float:
+    """Upper bound on the speed of particles that fall freely, m/s; NaN where it is traced.
 
     The greatest initial speed plus what gravity adds until drag or the duration ends it.
     """
-    velocity = concrete(state.velocity)
-    pull = concrete(particle.net_weight(parameters) / particle.inertia(parameters))
-    relaxation = concrete(timestep.relaxation_time(parameters))
-    if velocity is None or pull is None or relaxation is None:
-        return None
+    if velocity is None:
+        return np.nan
+    pull = np.asarray(particle.net_weight(numbers) / particle.inertia(numbers))
+    relaxation = np.asarray(timestep.relaxation_time(numbers))
     initial = np.sqrt((velocity**2).sum(axis=-1)).max()
-    gained = np.max(np.abs(pull) * np.minimum(relaxation, duration))
-    return float(initial + gained)
+    return float(initial + np.max(np.abs(pull) * np.minimum(relaxation, duration)))
 
 
-def resting_load(parameters: Parameters, box: Box, diameter: float):
-    """Weight of a column of particles as high as the box, on the contact below it; N."""
-    return particle.net_weight(parameters) * max(1.0, box.height / diameter)
+def steps_within_skin(speed: float, time_step: float, skin: float) -> int:
+    """Steps in which a particle at this speed crosses a quarter of the skin, at least 1."""
+    travel = speed * time_step
+    if not travel > 0.25 * skin / MOST_STEPS_BETWEEN_REBUILDS:  # also where it is not known
+        return MOST_STEPS_BETWEEN_REBUILDS
+    return max(1, int(0.25 * skin / travel))
+
+
+def largest_stable_step(numbers: Parameters, box: Box, diameter: float, speed: float) -> float:
+    """Largest step that survives the contacts to be expected, s; NaN where that is traced.
+
+    They carry a column of particles as high as the box, or meet at twice the greatest speed.
+    """
+    load = np.asarray(particle.net_weight(numbers)) * max(1.0, box.height / diameter)
+    overlap = timestep.expected_overlap(numbers, np.max(load), 2.0 * speed)
+    return float(timestep.largest_stable_step(numbers, overlap))

@@ -14,7 +14,7 @@ from jax import Array, lax
 
 from mrjax import forces, leapfrog, neighbours, particle, schedule, timestep
 from mrjax.box import AXES, Box
-from mrjax.concrete import concrete
+from mrjax.concrete import concrete, known
 from mrjax.errors import InputError
 from mrjax.neighbours import Plan
 from mrjax.parameters import Parameters
@@ -67,30 +67,38 @@ def simulate(
     """
     frames = _whole(frames, "frames")
     duration = _positive(duration, "duration", "s")
-    _refuse_outside(state, box)
-    diameter = schedule.contact_diameter(state, parameters, slack=skin / 4)
-    speed = schedule.fastest(state, parameters, duration)
-    if time_step is None:
-        time_step = _chosen_step(parameters)
-    time_step = min(duration / frames, _positive(time_step, "time_step", "s"))
+    position, velocity = concrete(state.position), concrete(state.velocity)
+    _refuse_outside(position, box)
+    with jax.ensure_compile_time_eval():
+        numbers = known(parameters)
+        radius = np.asarray(particle.outer_radius(numbers))
+        diameter = schedule.contact_diameter(state, radius, slack=skin / 4)
+        speed = schedule.fastest(velocity, numbers, duration)
+        if time_step is None:
+            time_step = _chosen_step(numbers)
+        time_step = min(duration / frames, _positive(time_step, "time_step", "s"))
+        largest = schedule.largest_stable_step(numbers, box, diameter, speed)
 
-    units = Units(mass=1000.0 * (diameter / 2) ** 3, length=diameter / 2, time=time_step)
+    smallest = 2.0 * float(radius.min())
     plan = neighbours.plan(
-        box.scaled(1 / units.length),
+        box.scaled(2 / diameter),
         state.particles,
         2.0,
-        schedule.smallest_diameter(parameters, diameter) / units.length,
+        2.0 * (1.0 if np.isnan(smallest) else min(1.0, smallest / diameter)),
         2.0 * skin,
     )
     if capacity is not None:
         plan = replace(plan, capacity=min(capacity, state.particles - 1))
     if cell_capacity is not None:
         plan = replace(plan, cell_capacity=cell_capacity)
-
-    _refuse_unstable(state, parameters, box, duration, time_step, speed, diameter, plan, units)
+    if time_step > largest and _may_touch(position, radius, box, 2 * speed * duration):
+        raise InputError(
+            f"time_step = {time_step:.4g} s is unstable for contacts this stiff; the largest that "
+            f"would do is {largest:.3g} s"
+        )
     if rebuild_every is None:
-        rebuild_every = _steps_within_skin(speed, time_step, skin * diameter)
-    cuts = schedule.cut(duration, time_step, frames, rebuild_every)
+        rebuild_every = schedule.steps_within_skin(speed, time_step, skin * diameter)
+    cuts = schedule.cut(duration, time_step, frames, _whole(rebuild_every, "rebuild_every"))
 
     while True:
         run = _run(state, parameters, box, duration, diameter / 2, plan, cuts)
@@ -229,72 +237,41 @@ def _faults_of_motion(
     return sum(jnp.where(here, int(fault), 0) for here, fault in found).astype(jnp.int32)
 
 
-def _chosen_step(parameters: Parameters) -> float:
-    chosen = concrete(timestep.time_step(parameters))
-    if chosen is None:
+def _chosen_step(numbers: Parameters) -> float:
+    chosen = float(timestep.time_step(numbers))
+    if np.isnan(chosen):
         raise InputError(
             "the parameters are traced by jit or vmap, so simulate cannot choose a step; give "
             "time_step=float(mrjax.time_step(parameters)), computed outside"
         )
-    return float(chosen)
+    return chosen
 
 
-def _refuse_unstable(
-    state: State,
-    parameters: Parameters,
-    box: Box,
-    duration: float,
-    time_step: float,
-    speed: float | None,
-    diameter: float,
-    plan: Plan,
-    units: Units,
-) -> None:
-    """A step that the contacts to be expected would not survive; a free fall takes any step."""
-    load = schedule.resting_load(parameters, box, diameter)
-    overlap = concrete(
-        timestep.expected_overlap(parameters, load, 0.0 if speed is None else 2 * speed)
+def _may_touch(position: np.ndarray | None, radius: np.ndarray, box: Box, travel: float) -> bool:
+    """Whether surfaces may come into contact while they approach each other by `travel`, m."""
+    if position is None or np.isnan(travel):
+        return True
+    radius = np.broadcast_to(radius, position.shape[:1])
+    for axis in box.walled_axes:
+        nearest = np.minimum(position[:, axis], box.size[axis] - position[:, axis])
+        if np.any(nearest - radius <= travel):
+            return True
+    if len(position) == 1:
+        return False
+    reach = 2 * radius.max() + travel
+    if reach > min(box.size):
+        return True
+    unit = float(radius.max())
+    while_far = neighbours.plan(
+        box.scaled(1 / unit), len(position), 2.0, 2.0 * radius.min() / unit, travel / unit
     )
-    if speed is None or overlap is None:
-        return
-    largest = float(concrete(timestep.largest_stable_step(parameters, float(overlap))))
-    if time_step <= largest:
-        return
-    gap = _smallest_gap(state, parameters, box, plan, units)
-    if gap is not None and gap > 2 * speed * duration:
-        return
-    raise InputError(
-        f"time_step = {time_step:.4g} s is unstable for contacts this stiff; the largest that "
-        f"would do is {largest:.3g} s"
-    )
+    with jax.ensure_compile_time_eval():
+        listed = neighbours.build(while_far, box.scaled(1 / unit), jnp.asarray(position / unit))
+        gap = float(neighbours.smallest_gap(listed, jnp.asarray(radius / unit))) * unit
+    return bool(listed.overflow) or gap <= travel
 
 
-def _smallest_gap(
-    state: State, parameters: Parameters, box: Box, plan: Plan, units: Units
-) -> float | None:
-    """Distance that the closest surfaces, of particles or walls, are apart, m; None if traced."""
-    position = concrete(state.position)
-    if position is None:
-        return None
-    radius = np.broadcast_to(concrete(particle.outer_radius(parameters)), position.shape[:1])
-    listed = neighbours.build(
-        plan, box.scaled(1 / units.length), jnp.asarray(position / units.length)
-    )
-    if int(listed.overflow):
-        return None
-    between = float(neighbours.smallest_gap(listed, jnp.asarray(radius / units.length)))
-    from_walls = (
-        np.minimum(position[:, axis], box.size[axis] - position[:, axis]) - radius
-        for axis in box.walled_axes
-    )
-    # Pairs that are not listed are farther apart than the skin.
-    unlisted = np.inf if state.particles == 1 else plan.cutoff - 2.0
-    gaps = [min(between, unlisted) * units.length, *(gap.min() for gap in from_walls)]
-    return float(min(gaps))
-
-
-def _refuse_outside(state: State, box: Box) -> None:
-    position = concrete(state.position)
+def _refuse_outside(position: np.ndarray | None, box: Box) -> None:
     if position is None:
         return
     for axis in box.walled_axes:
@@ -303,13 +280,6 @@ def _refuse_outside(state: State, box: Box) -> None:
                 f"particle {row} is at {AXES[axis]} = {position[row, axis]:.4g} m, outside the "
                 f"walls at 0 and {box.size[axis]:.4g} m; move it inside or make the axis periodic"
             )
-
-
-def _steps_within_skin(speed: float | None, time_step: float, skin: float) -> int:
-    most = schedule.MOST_STEPS_BETWEEN_REBUILDS
-    if not speed:
-        return most
-    return max(1, min(most, int(0.25 * skin / (speed * time_step))))
 
 
 def _positive(value, name: str, unit: str) -> float:

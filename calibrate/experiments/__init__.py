@@ -1,0 +1,1 @@
+"""Experiments that come with calibrate: Fang et al. (2005), samples A and B."""

@@ -1,0 +1,201 @@
+"""How long a step may be: Son 2018, Eqs. 26, 28 and 29, and the stability of a contact."""
+
+import re
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import mrjax
+from mrjax import contact, drag, leapfrog, particle, timestep
+
+EXACT = 1e-13  # a handful of roundings in double precision
+DRY = dict(fluid_density=0.0, viscosity=0.0, gravity=0.0)
+
+
+def test_rayleigh_times(case):
+    # Iron, and the guar coating of 3120 MPa, where the paper's table prints GPa.
+    expected = {"case1": 2.064e-9, "case2": 2.064e-9, "case3": 16.26e-9}[case.name]
+    parameters = case.parameters()
+    assert timestep.rayleigh_time(parameters) == pytest.approx(expected, rel=3e-4)  # as printed
+    # The least of all particles.
+    mixed = parameters.replace(radius=parameters.radius * jnp.array([3.0, 1.0, 2.0]))
+    assert timestep.rayleigh_time(mixed) == timestep.rayleigh_time(parameters)
+
+
+def test_rayleigh_time_by_hand():
+    # G = 2.5 / 2.5 = 1 and rho = 4: pi * 3 * 2 / (0.1631 * 0.25 + 0.8766).
+    parameters = mrjax.Parameters(
+        radius=3.0, particle_density=4.0, elastic_modulus=2.5, poisson_ratio=0.25, **DRY
+    ).astype(float)
+    assert timestep.rayleigh_time(parameters) == pytest.approx(6 * np.pi / 0.917375, rel=EXACT)
+
+
+def test_rise_times(case):
+    # Case 2 with the f_w that the paper prints. To the digits given.
+    f_w, expected = {"case1": (1.0, 3.06e-6), "case2": (48.49, 61.0e-9), "case3": (48.99, 34.4e-9)}[
+        case.name
+    ]
+    parameters = case.parameters().replace(f_w=jnp.asarray(f_w))
+    assert timestep.rise_time(parameters) == pytest.approx(expected, rel=1.7e-3)
+    # 99 % of the way: exp(-alpha t_r) = 0.01.
+    decay = timestep.rise_time(parameters) / timestep.relaxation_time(parameters)
+    assert jnp.exp(-decay) == pytest.approx(0.01, rel=EXACT)
+
+
+def test_the_step_is_the_shorter_time_over_the_refinement(case3):
+    parameters = case3.parameters()
+    rayleigh, rise = timestep.rayleigh_time(parameters), timestep.rise_time(parameters)
+    assert rayleigh < rise
+    assert mrjax.time_step(parameters) == pytest.approx(float(rayleigh) / 20, rel=EXACT)
+    assert mrjax.time_step(parameters, 16.3) == pytest.approx(1.0e-9, rel=5e-3)  # Table 2
+    soft = parameters.replace(elastic_modulus=jnp.asarray(3e6))
+    assert mrjax.time_step(soft) == pytest.approx(float(rise) / 20, rel=EXACT)
+
+
+@pytest.mark.parametrize("leaves", [float, None])
+def test_without_drag_contact_alone_decides(leaves):
+    """Also for parameters that are plain numbers."""
+    dry = mrjax.Parameters(
+        radius=1e-3, particle_density=2500.0, elastic_modulus=1e9, poisson_ratio=0.25, **DRY
+    )
+    dry = dry.astype(leaves) if leaves else dry
+    assert timestep.relaxation_time(dry) == jnp.inf
+    assert timestep.rise_time(dry) == jnp.inf
+    assert mrjax.time_step(dry) == timestep.rayleigh_time(dry) / 20 < 1.0
+
+
+def test_expected_overlap():
+    parameters = mrjax.Parameters(
+        radius=1e-3, particle_density=2500.0, elastic_modulus=1e7, poisson_ratio=0.0, **DRY
+    ).astype(float)
+    mass = float(particle.mass(parameters))
+    # On a rigid wall E* = E and R* = R: 4/3 E* sqrt(R*) d^1.5 carries the load.
+    resting = float(timestep.expected_overlap(parameters, 0.01, 0.0))
+    assert 4 / 3 * 1e7 * np.sqrt(1e-3) * resting**1.5 == pytest.approx(0.01, rel=EXACT)
+    impact = contact.impact_overlap(1e7, 1e-3, mass, 2.0)
+    assert timestep.expected_overlap(parameters, 0.0, 2.0) == pytest.approx(float(impact))
+    assert impact > resting
+    assert timestep.expected_overlap(parameters, 0.01, 2.0) == pytest.approx(float(impact))
+    assert timestep.largest_stable_step(parameters, 0.0) == jnp.inf
+
+
+# --- stability of a resting contact -----------------------------------------------------------
+
+REGIMES = {"undamped": 0.0, "inertial": 1e-3, "intermediate": 2.0, "overdamped": 1e3}
+
+
+def resting(damping):
+    """A particle on a spring of 1 N/m, of 1 kg, with a drag coefficient; and the overlap there."""
+    parameters = mrjax.Parameters(
+        radius=1.0,
+        particle_density=3 / (4 * np.pi),
+        fluid_density=0.0,
+        viscosity=damping / (6 * np.pi),
+        gravity=0.0,
+        elastic_modulus=1.0,
+        poisson_ratio=0.0,
+    ).astype(float)
+    return parameters, 0.25  # 2 E* sqrt(R* d) = 1
+
+
+def stability_limit(damping):
+    """Of dt K/gamma tanh(alpha dt / 2) = 2 with K = m = 1."""
+    if damping == 0.0:
+        return 2.0
+    return brentq(lambda dt: dt / damping * np.tanh(damping * dt / 2) - 2, 1e-3, 1e5, rtol=1e-12)
+
+
+@pytest.mark.parametrize("regime", REGIMES)
+def test_the_limit_is_where_the_leapfrog_becomes_unstable(regime):
+    parameters, _ = resting(REGIMES[regime])
+    assert particle.inertia(parameters) == pytest.approx(1.0, rel=EXACT)
+    assert drag.coefficient(parameters) == pytest.approx(REGIMES[regime], rel=EXACT)
+    for fraction, stable in ((0.999, True), (1.001, False)):
+        step = fraction * stability_limit(REGIMES[regime])
+        kick = leapfrog.kick(parameters, step)
+        position, velocity = np.ones((3, 1)), np.zeros((3, 1))
+        for _ in range(4000):
+            position, velocity, _ = leapfrog.step(
+                position,
+                velocity,
+                lambda position, _: (-position, None),
+                leapfrog.Kick(float(kick.keep), float(kick.gain)),
+                step,
+            )
+        # An undamped orbit below the limit is an ellipse, 1/sqrt(1 - 0.999^2) = 22 long.
+        assert (np.abs(position).max() < 30) is stable or np.abs(position).max() > 30
+        assert (np.abs(position) < 30).all() == stable
+
+
+def test_the_largest_step_keeps_within_the_limit():
+    for damping in (0.0, *np.geomspace(1e-4, 1e4, 33)):
+        parameters, overlap = resting(damping)
+        largest = float(timestep.largest_stable_step(parameters, overlap, arrangement=1.0))
+        exact = stability_limit(damping)
+        # max(2 sqrt(m/K), 2 gamma/K), at worst where both are equal: 2 of 2.4.
+        assert 0.83 * exact < largest <= exact * (1 + 1e-12)
+    stiffer = timestep.largest_stable_step(*resting(0.0), arrangement=4.0)
+    assert stiffer == pytest.approx(1.0, rel=EXACT)
+
+
+# --- what `simulate` makes of it ----------------------------------------------------------------
+
+BOX = mrjax.Box((6e-3, 6e-3, 6e-3))
+PARTICLE = dict(radius=1e-3, particle_density=2500.0, elastic_modulus=1e7, poisson_ratio=0.25)
+DRY_FALL = mrjax.Parameters(**PARTICLE, fluid_density=0.0, viscosity=0.0).astype(float)
+OVERDAMPED = mrjax.Parameters(**PARTICLE, fluid_density=1000.0, viscosity=1e3).astype(float)
+
+
+def settled(parameters):
+    modulus = contact.effective_modulus(1e7, 0.25, jnp.inf, 0.0)
+    weight = particle.net_weight(parameters)
+    overlap = float((3 * weight / (4 * modulus * jnp.sqrt(1e-3))) ** (2 / 3))
+    return mrjax.place([[3e-3, 3e-3, 1e-3 - overlap]])
+
+
+ABOUT_TO_HIT = mrjax.place([[3e-3, 3e-3, 1.01e-3]], [[0.0, 0.0, -0.3]])
+
+
+@pytest.mark.parametrize(
+    "state, parameters",
+    [
+        (settled(DRY_FALL), DRY_FALL),
+        (settled(OVERDAMPED), OVERDAMPED),
+        (ABOUT_TO_HIT, DRY_FALL),
+        *((ABOUT_TO_HIT, DRY_FALL.replace(elastic_modulus=1e7 * jnp.asarray(x))) for x in (1.1, 1.3)),
+    ],
+)  # fmt: skip
+def test_an_unstable_step_is_refused_and_the_named_one_holds(state, parameters):
+    with pytest.raises(mrjax.InputError, match="is unstable") as refusal:
+        mrjax.simulate(state, parameters, BOX, duration=10.0, time_step=5.0)
+    named = float(re.search(r"largest that would do is (\S+) s", str(refusal.value)).group(1))
+    run = mrjax.simulate(state, parameters, BOX, duration=512 * named, time_step=named)
+    # The speed never exceeds that of the start and the fall through the box.
+    fastest = float(jnp.abs(state.velocity).max()) + np.sqrt(2 * 9.81 * 4e-3)
+    assert run.steps == 512
+    assert run.deepest_overlap < 0.05
+    assert jnp.abs(run.state.velocity).max() < fastest
+
+
+def test_the_refused_step_depends_on_how_hard_particles_meet():
+    largest = []
+    for speed in (0.1, 1.0):
+        state = mrjax.place([[3e-3, 3e-3, 1.01e-3]], [[0.0, 0.0, -speed]])
+        with pytest.raises(mrjax.InputError) as refusal:
+            mrjax.simulate(state, DRY_FALL.replace(gravity=jnp.asarray(0.0)), BOX, duration=1.0,
+                           time_step=0.5)  # fmt: skip
+        largest.append(float(re.search(r"would do is (\S+) s", str(refusal.value)).group(1)))
+    # d ~ v^(4/5), K ~ sqrt(d), dt ~ 1 / sqrt(K): 10^(-1/5), both to three digits.
+    assert largest[1] / largest[0] == pytest.approx(10**-0.2, rel=1e-2)
+
+
+def test_a_fall_without_contact_takes_any_step():
+    """Terminal velocity of 1.4 um/s: 2 s cannot close a gap of 2 mm; 0.5 s is 1e4 times too long."""
+    state = mrjax.place([[3e-3, 3e-3, 3e-3]])
+    largest = timestep.largest_stable_step(OVERDAMPED, 1e-6)
+    run = mrjax.simulate(state, OVERDAMPED, BOX, duration=2.0, time_step=0.5)
+    assert run.steps == 4 and run.time_step == 0.5 > 100 * largest
+    fallen = 3e-3 - float(run.state.position[0, 2])
+    assert fallen == pytest.approx(2.0 * float(mrjax.terminal_velocity(OVERDAMPED)), rel=1e-5)
