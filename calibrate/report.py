@@ -152,8 +152,8 @@ def markdown(name: str, model: str, result: dict[str, Any]) -> str:
 
 {parameters}
 Errors are one standard deviation; of the values, data and priors together; of the combinations,
-the data alone. A fitted drag factor is a calibration constant: hindered settling of hard spheres
-over-predicts these velocities several times, and flocculation or a spread of sizes may be behind it.
+the data alone. A fitted drag factor is a calibration constant: laws of hindered settling for hard
+spheres give several times these velocities; flocculation or a spread of sizes may be behind it.
 
 ## The search
 

@@ -2,8 +2,8 @@
 
 `import jax_md` runs the package's `__init__`, which loads its neural networks and rigid bodies:
 about 6 to 9 s, against milliseconds for `space`, `partition` and `minimize`. Those are loaded here
-under a temporary package object that runs no `__init__`; it is removed again, so that a user's own
-`import jax_md`, before or after, finds the whole package.
+under a temporary package object that runs no `__init__`; all of it is taken from `sys.modules`
+again, so that a user's own `import jax_md`, before or after, finds the whole package.
 """
 
 import importlib
@@ -24,7 +24,8 @@ def _load(*names: str) -> list[types.ModuleType]:
     try:
         return [importlib.import_module(f"jax_md.{name}") for name in names]
     finally:
-        del sys.modules["jax_md"]
+        for name in [name for name in sys.modules if name.split(".")[0] == "jax_md"]:
+            del sys.modules[name]
 
 
 space, partition, minimize = _load("space", "partition", "minimize")

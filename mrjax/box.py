@@ -1,8 +1,9 @@
 """The container: its size, and on each axis either periodic images or a pair of walls."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from numbers import Real
 
 import jax
 import jax.numpy as jnp
@@ -33,21 +34,17 @@ class Box:
     periodic: tuple[bool, bool, bool] = (False, False, False)
 
     def __post_init__(self):
-        try:
-            size = tuple(float(length) for length in self.size)
-        except (TypeError, ValueError):
-            size = ()
-        if len(size) != 3 or not all(math.isfinite(length) and length > 0 for length in size):
-            raise InputError(f"size = {self.size} must be three positive lengths in m")
-        flags = self.periodic
-        if (
-            isinstance(flags, (str, bool))
-            or len(flags) != 3
-            or not all(flag in (True, False) for flag in flags)
+        if not _three(self.size, Real) or not all(
+            math.isfinite(length) and length > 0 for length in self.size
         ):
-            raise InputError(f"periodic = {flags} must be three of true or false, for x, y and z")
+            raise InputError(f"size = {_shown(self.size)} must be three positive lengths in m")
+        if not _three(self.periodic, bool):
+            raise InputError(
+                f"periodic = {_shown(self.periodic)} must be three of true or false, for x, y and z"
+            )
+        size = tuple(float(length) for length in self.size)
         object.__setattr__(self, "size", size)
-        object.__setattr__(self, "periodic", tuple(bool(flag) for flag in flags))
+        object.__setattr__(self, "periodic", tuple(self.periodic))
 
     @property
     def volume(self) -> float:
@@ -100,3 +97,17 @@ class Box:
         """Positions moved into the box along its periodic axes; (N, 3) in m."""
         _, shift = self.space()
         return shift(position, jnp.zeros_like(position))
+
+
+def _three(values: object, kind: type) -> bool:
+    """Whether these are three of a kind; a flag is not a number, and text is not a list."""
+    return (
+        isinstance(values, Iterable)
+        and len(listed := list(values)) == 3
+        and all(isinstance(v, kind) and isinstance(v, bool) == (kind is bool) for v in listed)
+    )
+
+
+def _shown(values: object) -> str:
+    text = str(values)
+    return text if len(text) <= 60 else text[:57] + "..."

@@ -55,7 +55,7 @@ def versions() -> dict[str, str]:
 
 
 def run(command: click.Command, name: str) -> None:
-    """Runs a command line and exits: 0 done, 1 not to be trusted, 2 wrong input, 130 interrupted."""
+    """Runs a command and exits: 0 done, 1 not to be trusted, 2 wrong input, 130 interrupted."""
     try:
         sys.exit(command.main(prog_name=name, standalone_mode=False))
     except (InputError, SimulationError, click.ClickException) as error:

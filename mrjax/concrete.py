@@ -3,8 +3,9 @@
 from typing import TypeVar
 
 import jax
+import jax.numpy as jnp
 import numpy as np
-from jax import errors, lax
+from jax import Array, errors, lax
 from jax.typing import ArrayLike
 
 Tree = TypeVar("Tree")
@@ -22,10 +23,13 @@ def concrete(value: ArrayLike) -> np.ndarray | None:
 
 
 def known(tree: Tree) -> Tree:
-    """The same tree with numbers for leaves: NaN, which spreads to what depends on it, if traced."""
+    """The same tree of numbers; NaN where traced, which spreads to all that depends on it.
 
-    def number(leaf: ArrayLike) -> np.ndarray:
+    To be called, and computed with, under `jax.ensure_compile_time_eval`.
+    """
+
+    def number(leaf: ArrayLike) -> Array:
         value = concrete(leaf)
-        return np.asarray(np.nan) if value is None else value
+        return jnp.asarray(np.nan if value is None else value, float)
 
     return jax.tree.map(number, tree)

@@ -8,6 +8,7 @@ every impact; and a contact cannot pull, so the force ends where it would turn t
 All functions are elementwise: any shapes that broadcast.
 """
 
+import jax
 import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
@@ -49,54 +50,60 @@ def impact_overlap(
     return (15.0 * mass * speed**2 / (16.0 * modulus * jnp.sqrt(radius))) ** (2 / 5)
 
 
+@jax.custom_jvp
 def damping_ratio(restitution: ArrayLike) -> Array:
-    """Damping ratio z for which a dry impact returns e times its speed; 1.
+    """Damping ratio z for which a dry impact returns e times its speed, 0 < e <= 1; 1.
 
     Tsuji's damping, c = z sqrt(5 m* k) d^(1/4) with k = 4/3 E* sqrt(R*), makes d^(5/4) a damped
     linear oscillator. Its contact ends when the force is zero, not the overlap (Schwager & Poeschel
     2007), which gives
 
-        ln e = -2 z arccos(z) / sqrt(1 - z^2).
+        -ln e = 2 z h(z),    h(z) = arccos(z) / sqrt(1 - z^2).
 
     z = -ln e / sqrt(pi^2 + ln^2 e), the usual form, lets the contact pull: with a force that only
     pushes, its nominal 0.5 comes out as 0.550.
     """
-    log = -jnp.log(restitution)
-    ratio = log / jnp.sqrt(jnp.pi**2 + log**2)
-    for _ in range(_NEWTON_STEPS):
-        ratio = ratio + (log - _log_loss(ratio)) / _log_loss_slope(ratio)
-    return ratio
+    loss = -jnp.log(restitution)
+
+    def newton(_, ratio: Array) -> Array:
+        return ratio + (loss - 2.0 * ratio * _angle_over_sine(ratio)) / _loss_slope(ratio)
+
+    return jax.lax.fori_loop(0, _NEWTON_STEPS, newton, loss / jnp.sqrt(jnp.pi**2 + loss**2))
+
+
+@damping_ratio.defjvp
+def _damping_ratio_jvp(primals, tangents):
+    (restitution,), (change,) = primals, tangents
+    ratio = damping_ratio(restitution)
+    return ratio, -change / (restitution * _loss_slope(ratio))
 
 
 _NEWTON_STEPS = 8
+_NEAR_ONE = 1e-3
 
 
 def _angle_over_sine(ratio: Array) -> Array:
-    """arccos(z) / sqrt(1 - z^2), continued smoothly through z = 1 as arccosh(z) / sqrt(z^2 - 1)."""
+    """h(z), continued smoothly through z = 1 as arccosh(z) / sqrt(z^2 - 1)."""
     gap = 1.0 - ratio**2
-    near = jnp.abs(gap) < 1e-3
+    near = jnp.abs(gap) < _NEAR_ONE
     below = (gap > 0) & ~near
     above = (gap < 0) & ~near
     root = jnp.sqrt(jnp.where(near, 1.0, jnp.abs(gap)))
     inside = jnp.arctan2(root, jnp.where(below, ratio, 0.5)) / root
     outside = jnp.arccosh(jnp.where(above, ratio, 2.0)) / root
-    z = 1.0 - jnp.where(near, ratio, 1.0)
+    z = 1.0 - ratio
     series = 1.0 + z / 3.0 + 2.0 * z**2 / 15.0 + 2.0 * z**3 / 35.0 + 8.0 * z**4 / 315.0
     return jnp.where(near, series, jnp.where(below, inside, outside))
 
 
-def _log_loss(ratio: Array) -> Array:
-    return 2.0 * ratio * _angle_over_sine(ratio)
-
-
-def _log_loss_slope(ratio: Array) -> Array:
-    """d/dz of 2 z h(z), from (1 - z^2) h' = z h - 1."""
+def _loss_slope(ratio: Array) -> Array:
+    """d/dz of 2 z h(z), with (1 - z^2) h' = z h - 1."""
     gap = 1.0 - ratio**2
-    near = jnp.abs(gap) < 1e-3
+    near = jnp.abs(gap) < _NEAR_ONE
     angle = _angle_over_sine(ratio)
     slope = (ratio * angle - 1.0) / jnp.where(near, 1.0, gap)
     z = 1.0 - ratio
-    series = -(1.0 / 3.0 + 4.0 * z / 15.0 + 6.0 * z**2 / 35.0)
+    series = -(1.0 / 3.0 + 4.0 * z / 15.0 + 6.0 * z**2 / 35.0 + 32.0 * z**3 / 315.0)
     return 2.0 * angle + 2.0 * ratio * jnp.where(near, series, slope)
 
 

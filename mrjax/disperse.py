@@ -5,6 +5,7 @@ FIRE (Bitzek et al. 2006) until no two particles touch. Random insertion alone j
 fraction of 0.38, less between walls.
 """
 
+import math
 from functools import partial
 
 import jax
@@ -25,7 +26,8 @@ CLEARANCE = 0.005
 """How much larger than the particles the soft spheres are."""
 STEPS_BETWEEN_REBUILDS = 25
 MOST_REBUILDS = 400
-SKIN = 0.4  # of a radius; random points move far at first
+SKIN = 1.0
+"""Of the neighbour list, in radii. No particle leaves it within a burst: moves are cut short."""
 
 
 def disperse(recipe: Recipe, seed: int = 0, *, dtype: DTypeLike = float) -> State:
@@ -49,10 +51,11 @@ def disperse(recipe: Recipe, seed: int = 0, *, dtype: DTypeLike = float) -> Stat
         jax.random.key(seed), recipe.box.scaled(1 / unit), jnp.asarray(radius / unit)
     )
     if position is None:
+        size = " x ".join(f"{1e6 * length:.3g}" for length in recipe.box.size)
         raise InputError(
             f"{particles} particles of {2e6 * unit:.3g} um cannot be dispersed without overlap in "
-            f"a box of {' x '.join(f'{1e6 * length:.3g}' for length in recipe.box.size)} um (volume "
-            f"fraction {recipe.coated_volume_fraction:.3f}); use a larger box or fewer particles"
+            f"a box of {size} um (volume fraction {recipe.coated_volume_fraction:.3f}); use a "
+            "larger box or fewer particles"
         )
     return place(position * unit, contact_diameter=2 * unit, dtype=dtype)
 
@@ -99,10 +102,13 @@ def _relax(position: Array, radius: Array, box: Box, plan: Plan) -> tuple[Array,
             for axis in box.walled_axes
         )
 
+    longest = SKIN / (2.0 * STEPS_BETWEEN_REBUILDS * math.sqrt(3.0))
+
+    def shift(position: Array, change: Array, **_) -> Array:
+        return position + jnp.clip(change, -longest, longest)
+
     with permissive():
-        start, advance = minimize.fire_descent(
-            energy, lambda position, change, **_: position + change
-        )
+        start, advance = minimize.fire_descent(energy, shift)
         state = start(position, listed=listed)
         state = lax.fori_loop(
             0, STEPS_BETWEEN_REBUILDS, lambda _, state: advance(state, listed=listed), state

@@ -6,4 +6,4 @@ class InputError(ValueError):
 
 
 class SimulationError(RuntimeError):
-    """A run finished with a result that must not be used; the message says why and what to change."""
+    """A run ended with a result that must not be used; the message says why and what to change."""

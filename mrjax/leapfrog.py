@@ -18,6 +18,7 @@ from mrjax import drag, particle
 from mrjax.parameters import Parameters
 
 SERIES_BELOW = 0.1
+SERIES_ORDER = 11  # exact to rounding below the switch, three derivatives included
 
 
 class Kick(NamedTuple):
@@ -38,9 +39,9 @@ def mean_decay(exponent: Array) -> Array:
     """(1 - e^-a) / a, the mean of e^-s for s from 0 to a >= 0; 1 at a = 0. Elementwise."""
     small = exponent < SERIES_BELOW
     a = jnp.where(small, exponent, 0.0)
-    series = 1.0 - a / 2 * (
-        1.0 - a / 3 * (1.0 - a / 4 * (1.0 - a / 5 * (1.0 - a / 6 * (1.0 - a / 7 * (1.0 - a / 8)))))
-    )
+    series = jnp.ones_like(a)
+    for order in range(SERIES_ORDER, 1, -1):
+        series = 1.0 - a / order * series
     large = jnp.where(small, 1.0, exponent)
     return jnp.where(small, series, -jnp.expm1(-large) / large)
 
@@ -65,5 +66,6 @@ def step(
     """
     half_way = position + 0.5 * time_step * velocity
     acting, noted = force(half_way, velocity)
-    velocity = kick.keep * velocity + kick.gain * acting
+    keep, gain = jnp.atleast_2d(kick.keep), jnp.atleast_2d(kick.gain)
+    velocity = keep * velocity + gain * acting
     return half_way + 0.5 * time_step * velocity, velocity, noted

@@ -15,11 +15,15 @@ from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from mrjax import drag, sheets
 from mrjax.box import AXES, Box
+from mrjax.errors import InputError
 from mrjax.parameters import Parameters
 from mrjax.sheets import Sheet
 
 RANDOM_CLOSE_PACKING = 0.64
 """Volume fraction above which equal spheres cannot be dispersed (Desmond & Weeks, 0903.0864)."""
+
+MOST_PARTICLES = 10**8
+"""More than a machine can hold: a box in micrometres, taken for metres."""
 
 
 class Particle(Sheet):
@@ -89,44 +93,58 @@ class Drag(Sheet):
         default=0.5, ge=0, description="added over displaced mass, 0.5 for a sphere"
     )
 
-    @field_validator("f_w")
+    @field_validator("f_w", mode="before")
     @classmethod
     def _a_closure_or_a_factor(cls, f_w):
-        if isinstance(f_w, float):
-            if not f_w > 0:
-                raise ValueError(f"drag.f_w = {f_w}: must be above zero")
-            return f_w
-        sheet = {"closure": f_w} if isinstance(f_w, str) else f_w
-        name = sheet.get("closure")
-        if name not in drag.CLOSURES:
+        names = ", ".join(drag.CLOSURES)
+        if isinstance(f_w, int | float):
+            return _above_zero("drag.f_w", f_w, f"a closure's name ({names}) or a number")
+        if not isinstance(f_w, str | dict):
             raise ValueError(
-                f"drag.f_w = {f_w!r}: no such closure; give a number or one of "
-                f"{', '.join(drag.CLOSURES)}"
+                f"drag.f_w = {f_w!r}: must be a closure's name, a table {{closure = name, ...}} or "
+                "a number above zero"
             )
-        known = [key for key in inspect.signature(drag.CLOSURES[name]).parameters][1:]
-        for key, value in sheet.items():
-            if key == "closure":
-                continue
-            if key not in known:
-                raise ValueError(
-                    f"drag.f_w.{key} = {value!r}: {name} has no such coefficient; "
-                    f"known: {', '.join(known) or 'none'}"
-                )
-            if not isinstance(value, float) or not value > 0:
-                raise ValueError(f"drag.f_w.{key} = {value!r}: must be a number above zero")
-        return f_w
+        sheet = {"closure": f_w} if isinstance(f_w, str) else f_w
+        if "closure" not in sheet:
+            raise ValueError(f"drag.f_w = {f_w!r}: names no closure; add closure = one of {names}")
+        closure = drag.CLOSURES.get(str(sheet["closure"]))
+        if closure is None:
+            raise ValueError(
+                f"drag.f_w = {f_w!r}: no such closure; give a number or one of {names}"
+            )
+        known = list(inspect.signature(closure).parameters)[1:]
+        for key in sheet.keys() - {"closure", *known}:
+            raise ValueError(
+                f"drag.f_w.{key} = {sheet[key]!r}: {sheet['closure']} has no such coefficient; "
+                f"known: {', '.join(known) or 'none'}"
+            )
+        if isinstance(f_w, str):
+            return f_w
+        numbers = {key: _above_zero(f"drag.f_w.{key}", f_w[key]) for key in f_w if key != "closure"}
+        return {"closure": f_w["closure"], **numbers}
 
-    @field_validator("f_s")
+    @field_validator("f_s", mode="before")
     @classmethod
     def _a_factor_or_dimensions(cls, f_s):
-        if isinstance(f_s, float):
-            if not f_s > 0:
-                raise ValueError(f"drag.f_s = {f_s}: must be above zero")
-        elif len(f_s) != 3 or sorted(f_s, reverse=True) != f_s or not f_s[-1] > 0:
+        if isinstance(f_s, int | float):
+            return _above_zero("drag.f_s", f_s, "[d_max, d_med, d_min] or a number")
+        try:
+            largest, medium, smallest = (_above_zero("drag.f_s", value) for value in f_s)
+            if not largest >= medium >= smallest:
+                raise ValueError
+        except (TypeError, ValueError):
             raise ValueError(
-                f"drag.f_s = {f_s}: must be [d_max, d_med, d_min] in m, largest first, above zero"
-            )
-        return f_s
+                f"drag.f_s = {f_s!r}: must be a number above zero, or [d_max, d_med, d_min] in m, "
+                "largest first, above zero"
+            ) from None
+        return [largest, medium, smallest]
+
+
+def _above_zero(key: str, value: object, what: str = "a finite number") -> float:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not number or not 0 < value < math.inf:
+        raise ValueError(f"{key} = {value!r}: must be {what} above zero, finite")
+    return float(value)
 
 
 class Contact(Sheet):
@@ -143,7 +161,7 @@ def _box(table: Any) -> Box:
     if isinstance(table, Box):
         return table
     if not isinstance(table, dict):
-        raise ValueError(f"box = {table!r}: must be a table with size and periodic")
+        raise ValueError(f"box = {table!r}: must be a table; give [box] with size and periodic")
     unknown = sorted(set(table) - {"size", "periodic"})
     if unknown:
         raise ValueError(
@@ -151,7 +169,10 @@ def _box(table: Any) -> Box:
         )
     if "size" not in table:
         raise ValueError("box.size is missing; give three lengths in m")
-    return Box(**table)
+    try:
+        return Box(**table)
+    except InputError as error:
+        raise ValueError(f"box.{error}") from None
 
 
 class Recipe(Sheet):
@@ -283,8 +304,8 @@ class Recipe(Sheet):
     @model_validator(mode="after")
     def _can_be_made(self):
         self._check_coating()
-        self._check_packing()
         self._check_settles()
+        self._check_packing()
         self._check_closure()
         self._check_box()
         return self
@@ -299,8 +320,11 @@ class Recipe(Sheet):
     def _check_packing(self):
         limit = RANDOM_CLOSE_PACKING
         if self.volume_fraction >= limit:
+            made_of = self.composition
+            rest = made_of.fluid / self.fluid.density  # volume of all else, for each kg
+            rest += made_of.coating / self.coating.density if self.coating else 0.0
             packed = limit * self.particle.density
-            most = packed / (packed + (1 - limit) * self.fluid.density)
+            most = packed / (packed + (1 - limit) * (1 - made_of.particle) / rest)
             raise ValueError(
                 f"composition.particle = {self.composition.particle}: a volume fraction of "
                 f"{self.volume_fraction:.3f} is denser than random close packing ({limit}); give "
@@ -316,10 +340,11 @@ class Recipe(Sheet):
 
     def _check_settles(self):
         if self.apparent_density <= self.fluid.density:
+            coated = " with their coating" if self.coating else ""
             raise ValueError(
                 f"fluid.density = {self.fluid.density}: the particles, at "
-                f"{self.apparent_density:.5g} kg/m^3 with their coating, would not settle; give a "
-                "lighter fluid or a denser particle"
+                f"{self.apparent_density:.5g} kg/m^3{coated}, would not settle; give a lighter "
+                "fluid or a denser particle"
             )
 
     def _check_closure(self):
@@ -337,12 +362,23 @@ class Recipe(Sheet):
 
     def _check_box(self):
         diameter = self.particle.diameter * self.radius_factor
-        for axis, length in zip(AXES, self.box.size, strict=True):
+        for axis, length, periodic in zip(AXES, self.box.size, self.box.periodic, strict=True):
+            if periodic and length < 2.0 * diameter:
+                raise ValueError(
+                    f"box.size = {list(self.box.size)}: periodic along {axis} but narrower than "
+                    f"two particles of {diameter:.4g} m: one would touch two images of another; "
+                    "give a wider box, or walls"
+                )
             if length <= diameter:
                 raise ValueError(
                     f"box.size = {list(self.box.size)}: not larger along {axis} than a particle of "
                     f"{diameter:.4g} m; give a larger box"
                 )
+        if self.particle_count > MOST_PARTICLES:
+            raise ValueError(
+                f"box.size = {list(self.box.size)}: holds {self.particle_count:.3g} particles; "
+                "give a smaller box, in m: 25 um is 25e-6"
+            )
         if self.particle_count < 1:
             raise ValueError(
                 f"box.size = {list(self.box.size)}: holds {self.volume_fraction:.3g} of its volume "

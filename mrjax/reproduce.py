@@ -60,7 +60,7 @@ def row(
     otherwise: str = "corrected",
     within: float | None = None,
 ) -> Row:
-    """A row; `reproduced` where the computed number rounds to the printed digits, or is `within`."""
+    """A row; `reproduced` where the computed number rounds to the printed one, or is `within`."""
     number = Decimal(printed)
     half_a_digit = 0.5 * 10.0 ** int(number.as_tuple().exponent) * (1 + 1e-9)
     tolerance = half_a_digit if within is None else within
@@ -131,11 +131,18 @@ def uncoated_radius_velocity(parameters: Parameters) -> float:
 
 def _table_2(case: str, recipe: Recipe, velocity: float) -> Iterator[Row]:
     parameters = recipe.parameters()
-    reynolds = float(mrjax.reynolds_number(velocity / MM_PER_DAY, parameters))
-    index = CASES.index(case)
 
     def printed(*values: str) -> str:
-        return values[index]
+        return values[CASES.index(case)]
+
+    velocity_printed = printed("491.2", "9.2", "4.0")
+    reynolds_printed = float(
+        mrjax.reynolds_number(float(velocity_printed) / MM_PER_DAY, parameters)
+    )
+    spurious = (
+        f"the printed velocity gives {reynolds_printed:.3g}; that over 1.68, the viscosity factor "
+        f"of case 3, is {reynolds_printed / 1.68:.3g}, the printed value"
+    )
 
     yield row(
         case,
@@ -213,7 +220,7 @@ def _table_2(case: str, recipe: Recipe, velocity: float) -> Iterator[Row]:
     yield row(
         case,
         "initial settling velocity",
-        printed("491.2", "9.2", "4.0"),
+        velocity_printed,
         velocity,
         "mm/day",
         printed(
@@ -226,16 +233,11 @@ def _table_2(case: str, recipe: Recipe, velocity: float) -> Iterator[Row]:
     )
     yield row(
         case,
-        "Reynolds number, 1e-9",
-        printed("2160", "24.1", "6.82"),
-        1e9 * reynolds,
+        "Reynolds number",
+        printed("2.16e-6", "2.41e-8", "6.82e-9"),
+        float(mrjax.reynolds_number(velocity / MM_PER_DAY, parameters)),
         "1",
-        printed(
-            "",
-            "that of the printed velocity, 40.5, over 1.68, the viscosity factor of case 3, is the "
-            "printed value",
-            "of the printed velocity of 4.0 it would be 11.5; that over 1.68 is the printed value",
-        ),
+        printed("", spurious, f"{spurious}, nearly"),
     )
     yield row(
         case,
@@ -265,9 +267,9 @@ def _text(recipes: dict[str, Recipe], velocities: dict[str, float]) -> Iterator[
     yield row("case3", "particles in the box", "292", case3.particle_count, "1", "section 3.3")
     yield row(
         "case1",
-        "Reynolds number in the text, 1e-6",
-        "2.167",
-        1e6 * float(mrjax.reynolds_number(velocities["case1"] / MM_PER_DAY, case1.parameters())),
+        "Reynolds number in the text",
+        "2.167e-6",
+        float(mrjax.reynolds_number(velocities["case1"] / MM_PER_DAY, case1.parameters())),
         "1",
         "section 2.3; Table 2 has 2.16: a misprint",
     )
@@ -345,7 +347,8 @@ def _eq_14() -> Iterator[Row]:
         float(drag.haberman_sayre(drag.volume_fraction_at(0.8))),
         "1",
         "section 2.3; Haberman & Sayre's rational formula at lambda = 0.8 with five-digit "
-        "coefficients; their exact value there is 74.67",
+        "coefficients; their exact "
+        f"column has {HABERMAN_SAYRE_EXACT[0.8]:g} there",
     )
 
 

@@ -24,19 +24,20 @@ class Fault(IntFlag):
 
 
 REMEDIES = {
-    Fault.NOT_FINITE: "a position or velocity is not finite: check the parameters for zero or "
-    "negative values, or give a smaller time_step",
-    Fault.ESCAPED: "a particle went through a wall: give a smaller time_step",
-    Fault.TOO_DEEP: "two surfaces overlap by more than a quarter of a radius, where the contact law "
-    "does not hold: give a smaller time_step, a stiffer material, or a start without overlap",
-    Fault.UNSTABLE: "the contacts became stiffer than the step can follow: give a smaller "
-    "time_step",
-    Fault.OUTRAN_LIST: "a particle travelled, or a radius grew, beyond the skin of the neighbour "
-    "list: give a smaller rebuild_every or a wider skin, or a state with a larger contact_diameter",
     Fault.PAIRS_DROPPED: "the neighbour list was too short for this packing: give a larger "
     "capacity",
     Fault.CELLS_OVERFULL: "the search cells were too small for this packing: give a larger "
     "cell_capacity",
+    Fault.OUTRAN_LIST: "a particle travelled, or a radius grew, beyond the skin of the neighbour "
+    "list: give a smaller rebuild_every or time_step, a wider skin, or a state with a larger "
+    "contact_diameter",
+    Fault.UNSTABLE: "the contacts became stiffer than the step can follow: give a smaller "
+    "time_step",
+    Fault.TOO_DEEP: "two surfaces overlap by more than a quarter of a radius, where the contact "
+    "law does not hold: give a smaller time_step, a stiffer material, or a start without overlap",
+    Fault.ESCAPED: "a particle went through a wall: give a smaller time_step",
+    Fault.NOT_FINITE: "a position or velocity is not finite: check the parameters for zero or "
+    "negative values, or give a smaller time_step",
 }
 
 
@@ -77,5 +78,5 @@ class Run:
         if found is None or not found.any():
             return
         faults = Fault(int(found.flat[found.argmax()]))
-        reason = next(remedy for fault, remedy in REMEDIES.items() if fault in faults)
-        raise SimulationError(f"{reason} (step {self.time_step:.3g} s, {self.steps} steps)")
+        reasons = "; and ".join(remedy for fault, remedy in REMEDIES.items() if fault in faults)
+        raise SimulationError(f"{reasons} ({self.steps} steps of {self.time_step:.3g} s)")

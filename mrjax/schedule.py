@@ -48,8 +48,8 @@ def cut(duration: float, time_step: float, frames: int, rebuild_every: int) -> S
     in_frame = max(1, math.ceil(duration / frames / time_step * (1 - 1e-12)))
     if in_frame * frames > MOST_STEPS:
         raise InputError(
-            f"duration = {duration:.4g} s takes {in_frame * frames:.3g} steps of {time_step:.3g} s, "
-            f"more than {MOST_STEPS}; give a shorter duration or a longer time_step"
+            f"duration = {duration:.4g} s takes {in_frame * frames:.3g} steps of {time_step:.3g} "
+            f"s, more than {MOST_STEPS}; give a shorter duration or a longer time_step"
         )
     fewest = math.ceil(in_frame / rebuild_every)
     even = (n for n in range(fewest, 2 * fewest + 1) if in_frame % n == 0)
@@ -83,17 +83,20 @@ def contact_diameter(state: State, radius: np.ndarray, slack: float) -> float:
     return given if serves else actual
 
 
-def fastest(velocity: np.ndarray | None, numbers: Parameters, duration: float) -> float:
+def fastest(velocity: np.ndarray | None, numbers: Parameters, box: Box, duration: float) -> float:
     """Upper bound on the speed of particles that fall freely, m/s; NaN where it is traced.
 
-    The greatest initial speed plus what gravity adds until drag or the duration ends it.
+    The greatest initial speed plus what gravity adds until drag, the duration or the floor ends it.
     """
     if velocity is None:
         return np.nan
     pull = np.asarray(particle.net_weight(numbers) / particle.inertia(numbers))
     relaxation = np.asarray(timestep.relaxation_time(numbers))
     initial = np.sqrt((velocity**2).sum(axis=-1)).max()
-    return float(initial + np.max(np.abs(pull) * np.minimum(relaxation, duration)))
+    gained = np.max(np.abs(pull) * np.minimum(relaxation, duration))
+    if not box.periodic[2]:
+        gained = min(gained, np.sqrt(2.0 * np.max(np.abs(pull)) * box.height))
+    return float(initial + gained)
 
 
 def steps_within_skin(speed: float, time_step: float, skin: float) -> int:

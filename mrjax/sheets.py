@@ -32,13 +32,16 @@ def read(source: str | Path, package: str, kind: str) -> tuple[dict[str, Any], P
     Raises:
       InputError: no such file, a directory, no permission, or not TOML.
     """
+    name = str(source)
     bundled = {
         Path(entry.name).stem: entry
         for entry in resources.files(package).iterdir()
         if entry.name.endswith(".toml")
     }
-    path = Path(str(bundled[source])) if source in bundled else Path(source)
+    path = Path(str(bundled[name])) if name in bundled else Path(source)
     names = ", ".join(sorted(bundled))
+    if not name:
+        raise InputError(f"'': is no file name; give a TOML file or one of {names}")
     try:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
@@ -57,7 +60,9 @@ def read(source: str | Path, package: str, kind: str) -> tuple[dict[str, Any], P
     try:
         return tomllib.loads(text), path
     except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{source}: is not TOML: {error}; mend that line") from None
+        raise InputError(
+            f"{source}: is not TOML: {' '.join(str(error).split())}; mend that line"
+        ) from None
 
 
 def validated(model: type[SheetType], table: dict[str, Any], source: str) -> SheetType:
@@ -73,14 +78,18 @@ def validated(model: type[SheetType], table: dict[str, Any], source: str) -> She
 
 
 def _refuse(model: type[Sheet], error: ValidationError, source: str) -> NoReturn:
-    fault = error.errors(include_url=False)[0]
-    path = [part for part in fault["loc"] if not _is_branch(part)]
-    key = ".".join(str(part) for part in path)
+    faults = error.errors(include_url=False)
+    # A misspelt key is also a missing one: name the spelling.
+    fault = min(faults, key=lambda fault: fault["type"] != "extra_forbidden")
+    path, kind = list(fault["loc"]), fault["type"]
+    if kind != "extra_forbidden":
+        path = [part for part in path if not _is_branch(part)]
+    key = ".".join(str(part) if str(part).isidentifier() else repr(part) for part in path)
     field = _field(model, path)
-    give = f"; give {field.description}" if field is not None and field.description else ""
-    match fault["type"]:
+    description = field.description if field is not None else None
+    match kind:
         case "missing":
-            message = f"{key} is missing{give}"
+            message = f"{key} is missing; give {description}"
         case "extra_forbidden":
             known = _known_keys(model, path[:-1])
             close = difflib.get_close_matches(str(path[-1]), known, n=1)
@@ -88,15 +97,23 @@ def _refuse(model: type[Sheet], error: ValidationError, source: str) -> NoReturn
             message = f"{key} = {_shown(fault['input'])}: unknown key; {hint}"
         case "value_error":
             message = str(fault["ctx"]["error"])
-            message = f"{key}: {message}" if key and key not in message else message
+            message = message if key.split(".")[0] in message else f"{key}: {message}"
         case _:
-            problem = (
-                fault["msg"]
-                .replace("Input should", "must", 1)
-                .replace("must be a valid", "must be a")
-            )
-            message = f"{key} = {_shown(fault['input'])}: {problem}{give}"
+            message = f"{key} = {_shown(fault['input'])}: {_problem(fault)}; give {description}"
     raise InputError(f"{source}: {message}") from None
+
+
+def _problem(fault: dict[str, Any]) -> str:
+    match fault["type"]:
+        case "model_type" | "dict_type" | "model_attributes_type":
+            return "must be a table"
+        case "float_type" | "float_parsing" | "int_type":
+            return "must be a finite number"
+        case "list_type":
+            return "must be a list"
+        case _:
+            problem = fault["msg"].replace("Input should", "must", 1)
+            return problem.replace("must be a valid", "must be a")
 
 
 def _is_branch(part: Any) -> bool:

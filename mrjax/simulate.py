@@ -73,7 +73,7 @@ def simulate(
         numbers = known(parameters)
         radius = np.asarray(particle.outer_radius(numbers))
         diameter = schedule.contact_diameter(state, radius, slack=skin / 4)
-        speed = schedule.fastest(velocity, numbers, duration)
+        speed = schedule.fastest(velocity, numbers, box, duration)
         if time_step is None:
             time_step = _chosen_step(numbers)
         time_step = min(duration / frames, _positive(time_step, "time_step", "s"))
@@ -88,13 +88,15 @@ def simulate(
         2.0 * skin,
     )
     if capacity is not None:
-        plan = replace(plan, capacity=min(capacity, state.particles - 1))
+        room = min(_whole(capacity, "capacity"), state.particles - 1)
+        plan = replace(plan, capacity=room)
     if cell_capacity is not None:
-        plan = replace(plan, cell_capacity=cell_capacity)
+        plan = replace(plan, cell_capacity=_whole(cell_capacity, "cell_capacity"))
+    _refuse_narrow(box, state.particles, plan.cutoff * diameter / 2)
     if time_step > largest and _may_touch(position, radius, box, 2 * speed * duration):
         raise InputError(
             f"time_step = {time_step:.4g} s is unstable for contacts this stiff; the largest that "
-            f"would do is {largest:.3g} s"
+            f"would do is {0.995 * largest:.3g} s"
         )
     if rebuild_every is None:
         rebuild_every = schedule.steps_within_skin(speed, time_step, skin * diameter)
@@ -197,7 +199,7 @@ def _scan(
 
         start = (jnp.zeros_like(position), velocity, deepest, jnp.zeros_like(deepest))
         (travelled, velocity, deepest, farthest), _ = lax.scan(step, start, length=cuts.steps)
-        outran = (2.0 * jnp.sqrt(farthest) > skin_left) & (plan.capacity > 0)
+        outran = (2.0 * jnp.sqrt(farthest) > skin_left) & (particles > 1)
         fault = fault | listed.overflow | jnp.where(outran, int(Fault.OUTRAN_LIST), 0)
         return (position + travelled, velocity, deepest, fault), None
 
@@ -262,13 +264,20 @@ def _may_touch(position: np.ndarray | None, radius: np.ndarray, box: Box, travel
     if reach > min(box.size):
         return True
     unit = float(radius.max())
-    while_far = neighbours.plan(
+    in_reach = neighbours.plan(
         box.scaled(1 / unit), len(position), 2.0, 2.0 * radius.min() / unit, travel / unit
     )
     with jax.ensure_compile_time_eval():
-        listed = neighbours.build(while_far, box.scaled(1 / unit), jnp.asarray(position / unit))
-        gap = float(neighbours.smallest_gap(listed, jnp.asarray(radius / unit))) * unit
-    return bool(listed.overflow) or gap <= travel
+        gap, overflow = _smallest_gap(
+            jnp.asarray(position / unit), jnp.asarray(radius / unit), in_reach, box.scaled(1 / unit)
+        )
+    return bool(overflow) or float(gap) * unit <= travel
+
+
+@partial(jax.jit, static_argnames=("plan", "box"))
+def _smallest_gap(position: Array, radius: Array, plan: Plan, box: Box) -> tuple[Array, Array]:
+    listed = neighbours.build(plan, box, position)
+    return neighbours.smallest_gap(listed, radius), listed.overflow
 
 
 def _refuse_outside(position: np.ndarray | None, box: Box) -> None:
@@ -279,6 +288,16 @@ def _refuse_outside(position: np.ndarray | None, box: Box) -> None:
             raise InputError(
                 f"particle {row} is at {AXES[axis]} = {position[row, axis]:.4g} m, outside the "
                 f"walls at 0 and {box.size[axis]:.4g} m; move it inside or make the axis periodic"
+            )
+
+
+def _refuse_narrow(box: Box, particles: int, cutoff: float) -> None:
+    for axis in set(range(3)) - set(box.walled_axes):
+        if particles > 1 and box.size[axis] < 2 * cutoff:
+            raise InputError(
+                f"box size = {box.size[axis]:.4g} m along {AXES[axis]} is periodic but too narrow: "
+                "a particle could touch two images of one neighbour, of which the list holds only "
+                f"the nearest; give at least {2 * cutoff:.4g} m, or walls"
             )
 
 

@@ -7,15 +7,15 @@ from jax.typing import ArrayLike
 from mrjax import contact, drag, particle
 from mrjax.leapfrog import mean_decay
 from mrjax.parameters import Parameters
-from mrjax.timestep import relaxation_time
 
 
 def terminal_velocity(parameters: Parameters) -> Array:
     """beta/alpha of Eqs. 13 and 27: net weight over drag coefficient, downwards; m/s, () or (N,).
 
-    f_w, f_s and f_v enter only as a product. Infinite without drag.
+    f_w, f_s and f_v enter only as a product. Infinite without drag, undefined
+    with neither drag nor gravity.
     """
-    return particle.net_weight(parameters) / drag.coefficient(parameters)
+    return jnp.divide(particle.net_weight(parameters), drag.coefficient(parameters))
 
 
 def free_fall_velocity(
@@ -30,15 +30,16 @@ def free_fall_velocity(
       time: s, any shape that broadcasts with the parameters.
       initial_velocity: m/s, downwards.
     """
-    decay = time / relaxation_time(parameters)
-    acceleration = particle.net_weight(parameters) / particle.inertia(parameters)
+    inertia = particle.inertia(parameters)
+    decay = drag.coefficient(parameters) / inertia * time
+    acceleration = particle.net_weight(parameters) / inertia
     return initial_velocity * jnp.exp(-decay) + acceleration * time * mean_decay(decay)
 
 
 def hertz_duration(
     modulus: ArrayLike, radius: ArrayLike, mass: ArrayLike, speed: ArrayLike
 ) -> Array:
-    """Duration of an elastic impact, 2.94328 d_max / v; s. Arguments as for `contact.impact_overlap`."""
+    """Duration of an elastic impact, 2.94328 d_max / v; s. See `contact.impact_overlap`."""
     return 2.94328 * contact.impact_overlap(modulus, radius, mass, speed) / speed
 
 

@@ -37,7 +37,7 @@ def relaxation_time(parameters: Parameters) -> Array:
     The paper prints alpha without the added mass of Eq. 12 and, for coated particles, with the
     density of the coating; the inertia is that of the coated particle with its added mass.
     """
-    return particle.inertia(parameters) / drag.coefficient(parameters)
+    return jnp.divide(particle.inertia(parameters), drag.coefficient(parameters))
 
 
 def rise_time(parameters: Parameters) -> Array:

@@ -89,7 +89,6 @@ def test_jax_md_imports_whole_after_mrjax(interpreters):
     succeeds(interpreters["afterwards"])
 
 
-@pytest.mark.xfail(reason="a submodule loaded without its package is never made its attribute")
 def test_submodules_are_attributes_of_jax_md_after_mrjax(interpreters):
     succeeds(interpreters["attributes"])
 

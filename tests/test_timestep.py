@@ -1,6 +1,7 @@
 """How long a step may be: Son 2018, Eqs. 26, 28 and 29, and the stability of a contact."""
 
 import re
+from functools import partial
 
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +12,7 @@ import mrjax
 from mrjax import contact, drag, leapfrog, particle, timestep
 
 EXACT = 1e-13  # a handful of roundings in double precision
+near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12
 DRY = dict(fluid_density=0.0, viscosity=0.0, gravity=0.0)
 
 
@@ -18,10 +20,11 @@ def test_rayleigh_times(case):
     # Iron, and the guar coating of 3120 MPa, where the paper's table prints GPa.
     expected = {"case1": 2.064e-9, "case2": 2.064e-9, "case3": 16.26e-9}[case.name]
     parameters = case.parameters()
-    assert timestep.rayleigh_time(parameters) == pytest.approx(expected, rel=3e-4)  # as printed
+    assert timestep.rayleigh_time(parameters) == near(expected, rel=3e-4)  # as printed
     # The least of all particles.
     mixed = parameters.replace(radius=parameters.radius * jnp.array([3.0, 1.0, 2.0]))
-    assert timestep.rayleigh_time(mixed) == timestep.rayleigh_time(parameters)
+    least = float(timestep.rayleigh_time(parameters))
+    assert timestep.rayleigh_time(mixed) == near(least, rel=EXACT)
 
 
 def test_rayleigh_time_by_hand():
@@ -29,7 +32,7 @@ def test_rayleigh_time_by_hand():
     parameters = mrjax.Parameters(
         radius=3.0, particle_density=4.0, elastic_modulus=2.5, poisson_ratio=0.25, **DRY
     ).astype(float)
-    assert timestep.rayleigh_time(parameters) == pytest.approx(6 * np.pi / 0.917375, rel=EXACT)
+    assert timestep.rayleigh_time(parameters) == near(6 * np.pi / 0.917375, rel=EXACT)
 
 
 def test_rise_times(case):
@@ -38,20 +41,20 @@ def test_rise_times(case):
         case.name
     ]
     parameters = case.parameters().replace(f_w=jnp.asarray(f_w))
-    assert timestep.rise_time(parameters) == pytest.approx(expected, rel=1.7e-3)
+    assert timestep.rise_time(parameters) == near(expected, rel=1.7e-3)
     # 99 % of the way: exp(-alpha t_r) = 0.01.
     decay = timestep.rise_time(parameters) / timestep.relaxation_time(parameters)
-    assert jnp.exp(-decay) == pytest.approx(0.01, rel=EXACT)
+    assert jnp.exp(-decay) == near(0.01, rel=EXACT)
 
 
 def test_the_step_is_the_shorter_time_over_the_refinement(case3):
     parameters = case3.parameters()
     rayleigh, rise = timestep.rayleigh_time(parameters), timestep.rise_time(parameters)
     assert rayleigh < rise
-    assert mrjax.time_step(parameters) == pytest.approx(float(rayleigh) / 20, rel=EXACT)
-    assert mrjax.time_step(parameters, 16.3) == pytest.approx(1.0e-9, rel=5e-3)  # Table 2
+    assert mrjax.time_step(parameters) == near(float(rayleigh) / 20, rel=EXACT)
+    assert mrjax.time_step(parameters, 16.3) == near(1.0e-9, rel=5e-3)  # Table 2
     soft = parameters.replace(elastic_modulus=jnp.asarray(3e6))
-    assert mrjax.time_step(soft) == pytest.approx(float(rise) / 20, rel=EXACT)
+    assert mrjax.time_step(soft) == near(float(rise) / 20, rel=EXACT)
 
 
 @pytest.mark.parametrize("leaves", [float, None])
@@ -73,11 +76,11 @@ def test_expected_overlap():
     mass = float(particle.mass(parameters))
     # On a rigid wall E* = E and R* = R: 4/3 E* sqrt(R*) d^1.5 carries the load.
     resting = float(timestep.expected_overlap(parameters, 0.01, 0.0))
-    assert 4 / 3 * 1e7 * np.sqrt(1e-3) * resting**1.5 == pytest.approx(0.01, rel=EXACT)
+    assert 4 / 3 * 1e7 * np.sqrt(1e-3) * resting**1.5 == near(0.01, rel=EXACT)
     impact = contact.impact_overlap(1e7, 1e-3, mass, 2.0)
-    assert timestep.expected_overlap(parameters, 0.0, 2.0) == pytest.approx(float(impact))
+    assert timestep.expected_overlap(parameters, 0.0, 2.0) == near(float(impact))
     assert impact > resting
-    assert timestep.expected_overlap(parameters, 0.01, 2.0) == pytest.approx(float(impact))
+    assert timestep.expected_overlap(parameters, 0.01, 2.0) == near(float(impact))
     assert timestep.largest_stable_step(parameters, 0.0) == jnp.inf
 
 
@@ -110,13 +113,13 @@ def stability_limit(damping):
 @pytest.mark.parametrize("regime", REGIMES)
 def test_the_limit_is_where_the_leapfrog_becomes_unstable(regime):
     parameters, _ = resting(REGIMES[regime])
-    assert particle.inertia(parameters) == pytest.approx(1.0, rel=EXACT)
-    assert drag.coefficient(parameters) == pytest.approx(REGIMES[regime], rel=EXACT)
-    for fraction, stable in ((0.999, True), (1.001, False)):
+    assert particle.inertia(parameters) == near(1.0, rel=EXACT)
+    assert drag.coefficient(parameters) == near(REGIMES[regime], rel=EXACT)
+    for fraction, stable in ((0.995, True), (1.005, False)):
         step = fraction * stability_limit(REGIMES[regime])
         kick = leapfrog.kick(parameters, step)
         position, velocity = np.ones((3, 1)), np.zeros((3, 1))
-        for _ in range(4000):
+        for _ in range(2000):
             position, velocity, _ = leapfrog.step(
                 position,
                 velocity,
@@ -124,8 +127,7 @@ def test_the_limit_is_where_the_leapfrog_becomes_unstable(regime):
                 leapfrog.Kick(float(kick.keep), float(kick.gain)),
                 step,
             )
-        # An undamped orbit below the limit is an ellipse, 1/sqrt(1 - 0.999^2) = 22 long.
-        assert (np.abs(position).max() < 30) is stable or np.abs(position).max() > 30
+        # An undamped orbit below the limit is an ellipse, 1/sqrt(1 - 0.995^2) = 10 long.
         assert (np.abs(position) < 30).all() == stable
 
 
@@ -137,7 +139,7 @@ def test_the_largest_step_keeps_within_the_limit():
         # max(2 sqrt(m/K), 2 gamma/K), at worst where both are equal: 2 of 2.4.
         assert 0.83 * exact < largest <= exact * (1 + 1e-12)
     stiffer = timestep.largest_stable_step(*resting(0.0), arrangement=4.0)
-    assert stiffer == pytest.approx(1.0, rel=EXACT)
+    assert stiffer == near(1.0, rel=EXACT)
 
 
 # --- what `simulate` makes of it ----------------------------------------------------------------
@@ -158,44 +160,62 @@ def settled(parameters):
 ABOUT_TO_HIT = mrjax.place([[3e-3, 3e-3, 1.01e-3]], [[0.0, 0.0, -0.3]])
 
 
-@pytest.mark.parametrize(
-    "state, parameters",
-    [
-        (settled(DRY_FALL), DRY_FALL),
-        (settled(OVERDAMPED), OVERDAMPED),
-        (ABOUT_TO_HIT, DRY_FALL),
-        *((ABOUT_TO_HIT, DRY_FALL.replace(elastic_modulus=1e7 * jnp.asarray(x))) for x in (1.1, 1.3)),
-    ],
-)  # fmt: skip
-def test_an_unstable_step_is_refused_and_the_named_one_holds(state, parameters):
+def largest_named(state, parameters, duration):
     with pytest.raises(mrjax.InputError, match="is unstable") as refusal:
-        mrjax.simulate(state, parameters, BOX, duration=10.0, time_step=5.0)
-    named = float(re.search(r"largest that would do is (\S+) s", str(refusal.value)).group(1))
-    run = mrjax.simulate(state, parameters, BOX, duration=512 * named, time_step=named)
-    # The speed never exceeds that of the start and the fall through the box.
-    fastest = float(jnp.abs(state.velocity).max()) + np.sqrt(2 * 9.81 * 4e-3)
-    assert run.steps == 512
-    assert run.deepest_overlap < 0.05
-    assert jnp.abs(run.state.velocity).max() < fastest
+        mrjax.simulate(state, parameters, BOX, duration=duration, time_step=duration)
+    return float(re.search(r"largest that would do is (\S+) s", str(refusal.value)).group(1))
+
+
+def softer(factor):
+    return DRY_FALL.replace(elastic_modulus=DRY_FALL.elastic_modulus * factor)
+
+
+@pytest.mark.parametrize(
+    "state, parameters, duration",
+    [
+        (settled(DRY_FALL), DRY_FALL, 0.05),
+        (settled(OVERDAMPED), OVERDAMPED, 10.0),
+        (ABOUT_TO_HIT, DRY_FALL, 0.05),
+        # Some of these numbers round up where the message gives three digits.
+        *((ABOUT_TO_HIT, softer(factor), 0.05) for factor in (0.75, 0.8, 0.85, 0.9)),
+    ],
+)
+def test_an_unstable_step_is_refused_and_the_named_one_holds(state, parameters, duration):
+    named = largest_named(state, parameters, duration)
+    run = mrjax.simulate(state, parameters, BOX, duration=duration, time_step=named)
+    assert run.steps > 100
+    # A dry bounce keeps within its energy, and nothing rests deeper than it would without a step.
+    fall = np.sqrt(float(jnp.max(state.velocity**2)) + 2 * 9.81 * 1e-5)
+    assert jnp.abs(run.state.velocity).max() < 1.1 * fall
+    mass = float(particle.mass(parameters))
+    deepest = timestep.expected_overlap(parameters, 2.5 * mass * 9.81, 1.1 * fall)
+    assert 0 < run.deepest_overlap * 1e-3 < deepest
 
 
 def test_the_refused_step_depends_on_how_hard_particles_meet():
-    largest = []
-    for speed in (0.1, 1.0):
-        state = mrjax.place([[3e-3, 3e-3, 1.01e-3]], [[0.0, 0.0, -speed]])
-        with pytest.raises(mrjax.InputError) as refusal:
-            mrjax.simulate(state, DRY_FALL.replace(gravity=jnp.asarray(0.0)), BOX, duration=1.0,
-                           time_step=0.5)  # fmt: skip
-        largest.append(float(re.search(r"would do is (\S+) s", str(refusal.value)).group(1)))
+    weightless = DRY_FALL.replace(gravity=jnp.asarray(0.0))
+    slow, fast = (
+        largest_named(mrjax.place([[3e-3, 3e-3, 1.01e-3]], [[0.0, 0.0, -speed]]), weightless, 1.0)
+        for speed in (0.1, 1.0)
+    )
     # d ~ v^(4/5), K ~ sqrt(d), dt ~ 1 / sqrt(K): 10^(-1/5), both to three digits.
-    assert largest[1] / largest[0] == pytest.approx(10**-0.2, rel=1e-2)
+    assert fast / slow == near(10**-0.2, rel=1e-2)
 
 
 def test_a_fall_without_contact_takes_any_step():
-    """Terminal velocity of 1.4 um/s: 2 s cannot close a gap of 2 mm; 0.5 s is 1e4 times too long."""
+    """At 3 um/s, 200 s do not close a gap of 2 mm; where there is a contact, 7 ms is the most."""
     state = mrjax.place([[3e-3, 3e-3, 3e-3]])
-    largest = timestep.largest_stable_step(OVERDAMPED, 1e-6)
-    run = mrjax.simulate(state, OVERDAMPED, BOX, duration=2.0, time_step=0.5)
-    assert run.steps == 4 and run.time_step == 0.5 > 100 * largest
+    run = mrjax.simulate(state, OVERDAMPED, BOX, duration=200.0, time_step=50.0)
+    assert run.steps == 4
+    assert run.time_step > 1e3 * timestep.largest_stable_step(OVERDAMPED, 1e-6)
     fallen = 3e-3 - float(run.state.position[0, 2])
-    assert fallen == pytest.approx(2.0 * float(mrjax.terminal_velocity(OVERDAMPED)), rel=1e-5)
+    # All but the first instant, 4 us of relaxation, and half of one step by the leapfrog's start.
+    final = float(mrjax.terminal_velocity(OVERDAMPED))
+    assert fallen == near((200.0 - 25.0) * final, rel=1e-6)
+
+
+def test_two_far_apart_take_any_step():
+    state = mrjax.place([[1.5e-3, 3e-3, 3e-3], [4.5e-3, 3e-3, 3e-3]])
+    run = mrjax.simulate(state, OVERDAMPED, BOX, duration=60.0, time_step=30.0)
+    assert run.steps == 2
+    assert run.deepest_overlap == 0.0
