@@ -20,6 +20,8 @@ from jax import Array
 from jax.flatten_util import ravel_pytree
 from tqdm import tqdm
 
+from mrjax.permissive import permissive
+
 CONVERGED_BELOW = 1e-8
 """Expected gain in chi-squared of one more Gauss-Newton step at which a fit counts as converged:
 1e-4 of a standard deviation."""
@@ -111,11 +113,12 @@ def fit(
 
     linearised = jax.jit(jax.jacfwd(with_value, has_aux=True))
 
-    logs, losses, runs = _search(
-        linearised, everything, jnp.log(values), optimizer, search_steps, progress
-    )
-    logs, finish_runs = _finish(everything, logs, finish_steps)
-    jacobian, value = linearised(logs)
+    with permissive():
+        logs, losses, runs = _search(
+            linearised, everything, jnp.log(values), optimizer, search_steps, progress
+        )
+        logs, finish_runs = _finish(everything, logs, finish_steps)
+        jacobian, value = linearised(logs)
     gain = _expected_gain(jacobian, value)
     count = value.shape[0] - len(held)
     return Fit(
@@ -194,11 +197,9 @@ def _names(start: Any) -> tuple[str, ...]:
     """`f_w` for a leaf start["f_w"], `f_w[1]` for its second element if it is an array."""
     names = []
     for path, leaf in jax.tree.leaves_with_path(start):
-        label = "".join(str(getattr(part, "key", getattr(part, "name", part))) for part in path)
-        label = label or "theta"
-        shape = np.shape(leaf)
-        indices = [""] if not shape else [f"[{','.join(map(str, i))}]" for i in np.ndindex(shape)]
-        names += [label + index for index in indices]
+        label = jax.tree_util.keystr(path, simple=True, separator=".") or "theta"
+        indices = np.ndindex(np.shape(leaf))
+        names += [f"{label}[{','.join(map(str, index))}]" if index else label for index in indices]
     return tuple(names)
 
 

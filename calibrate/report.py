@@ -11,6 +11,9 @@ from calibrate.identify import Identification, expression
 from calibrate.residuals import Problem
 from mrjax import files
 
+CHI_SQUARED_PER_MEASUREMENT = 4.0
+"""Above this, two standard deviations each, a fit is called a misfit."""
+
 
 def summary(
     problem: Problem, fit: Fit, found: Identification, predicted: np.ndarray
@@ -58,6 +61,7 @@ def summary(
             )
         ],
         "chi_squared": fit.chi_squared,
+        "misfit": fit.chi_squared > CHI_SQUARED_PER_MEASUREMENT * len(predicted),
         "singular_values": found.singular_values,
         "model_runs": fit.model_runs,
     }
@@ -84,6 +88,11 @@ def in_words(result: dict[str, Any]) -> list[str]:
         "held, changes no prediction."
         for direction in result["null_directions"]
     ]
+    if result["misfit"]:
+        lines.append(
+            f"The data do not agree with the model, or with each other: chi-squared is "
+            f"{result['chi_squared']:.3g} for {len(result['predictions'])} measurements."
+        )
     if carried := result["carried_by_priors_alone"]:
         names = ", ".join(f"`{name}`" for name in carried)
         lines.append(
@@ -101,6 +110,11 @@ def markdown(name: str, model: str, result: dict[str, Any]) -> str:
         if result["converged"]
         else "**The fit did not converge: do not use these values.**"
     )
+    if result["misfit"]:
+        verdict += (
+            " **The data do not agree with the model, or with each other, within their errors;** "
+            "the errors below are too small by as much."
+        )
     predictions = files.markdown_table(
         ["sample", "observable", "measured", "predicted", "unit", "difference / sigma"],
         (

@@ -10,9 +10,6 @@ import importlib
 import importlib.util
 import sys
 import types
-from contextlib import contextmanager
-
-import jax
 
 
 def _load(*names: str) -> list[types.ModuleType]:
@@ -29,10 +26,3 @@ def _load(*names: str) -> list[types.ModuleType]:
 
 
 space, partition, minimize = _load("space", "partition", "minimize")
-
-
-@contextmanager
-def permissive():
-    """Lets jax-md's mixed dtypes and ranks pass where the caller has made jax strict."""
-    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
-        yield

@@ -9,8 +9,9 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from mrjax._jax_md import permissive, space
+from mrjax._jax_md import space
 from mrjax.errors import InputError
+from mrjax.permissive import permissive
 
 AXES = ("x", "y", "z")
 

@@ -15,10 +15,11 @@ from jax import Array, lax
 from jax.typing import DTypeLike
 
 from mrjax import neighbours, particle
-from mrjax._jax_md import minimize, permissive
+from mrjax._jax_md import minimize
 from mrjax.box import Box
 from mrjax.errors import InputError
 from mrjax.neighbours import Neighbours, Plan
+from mrjax.permissive import permissive
 from mrjax.recipe import Recipe
 from mrjax.state import State, place
 

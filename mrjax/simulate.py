@@ -194,7 +194,7 @@ def _scan(
                 1.0,
             )
             farthest = jnp.maximum(farthest, lax.stop_gradient(jnp.max(sum(travelled**2))))
-            deepest = jnp.maximum(deepest, lax.stop_gradient(overlap))
+            deepest = jnp.fmax(deepest, lax.stop_gradient(overlap))
             return (travelled, velocity, deepest, farthest), None
 
         start = (jnp.zeros_like(position), velocity, deepest, jnp.zeros_like(deepest))

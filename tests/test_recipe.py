@@ -273,8 +273,8 @@ FAULTS = {
         'viscosity = "0.01"',
         ["fluid.viscosity = '0.01'", "must be a finite number", "Pa s"],
     ),
-    "flag": ("viscosity = 0.01", "viscosity = true", ["fluid.viscosity", "must be a finite number"]),
-    "list": ("viscosity = 0.01", "viscosity = [1]", ["fluid.viscosity = [1]", "must be a finite number"]),
+    "flag": ("viscosity = 0.01", "viscosity = true", ["fluid.viscosity = True", "finite number"]),
+    "list": ("viscosity = 0.01", "viscosity = [1]", ["fluid.viscosity = [1]", "finite number"]),
     "huge integer": (
         "viscosity = 0.01",
         "viscosity = 1" + 400 * "0",

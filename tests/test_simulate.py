@@ -70,7 +70,7 @@ def test_paper_velocities_from_all_particles(name, f_w, expected):
 
 
 def test_a_recipe_of_other_materials(tmp_path):
-    """Nothing of the paper is wired in: zirconia in glycerol, and a closure with its own exponent."""
+    """Nothing of the paper is wired in: zirconia in glycerol, another closure and exponent."""
     path = tmp_path / "zirconia.toml"
     path.write_text(
         """

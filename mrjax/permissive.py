@@ -1,0 +1,12 @@
+"""Room for libraries that mix dtypes and ranks, where the caller has made JAX strict."""
+
+from contextlib import contextmanager
+
+import jax
+
+
+@contextmanager
+def permissive():
+    """JAX's default promotion of dtypes and ranks, for calls into jax-md, optax and optimistix."""
+    with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
+        yield

@@ -1,0 +1,193 @@
+"""The command lines: the files they write, one clear line for every failure, clean interruption."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+
+def start(*arguments, module="mrjax", folder: Path) -> subprocess.Popen:
+    return subprocess.Popen(
+        [sys.executable, "-m", module, *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=folder,
+        env={**os.environ, "JAX_PLATFORMS": "cpu"},
+    )
+
+
+def run(*arguments, module="mrjax", folder: Path) -> tuple[int, str, str]:
+    process = start(*arguments, module=module, folder=folder)
+    out, err = process.communicate(timeout=300)
+    return process.returncode, out, err
+
+
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_simulate_writes_its_files(tmp_path, dtype):
+    arguments = ("case3", "--out", "made/here", "--frames", "20", "--seed", "5", "--dtype", dtype)
+    status, out, err = run("simulate", *arguments, folder=tmp_path)
+    assert (status, err) == (0, "")
+    assert "292 particles settle at 4.895" in out
+    assert "2.78% of the weight" in out
+    folder = tmp_path / "made" / "here"
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["settling_velocity_mm_per_day"] == pytest.approx(4.8955, rel=1e-4)
+    assert summary["reynolds_number"] == pytest.approx(1.41e-8, rel=1e-3)
+    assert summary["particles"] == 292
+    assert summary["volume_fraction"] == pytest.approx(0.31284, rel=1e-4)
+    assert summary["f_w"] == pytest.approx(48.985, rel=1e-6)
+    assert summary["steps"] * summary["time_step_s"] == pytest.approx(summary["duration_s"])
+    assert summary["wall_seconds"] > 0 and summary["seed"] == 5 and summary["dtype"] == dtype
+    with (folder / "curve.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == [
+        "time_s",
+        "mudline_m",
+        "sedimentation_ratio",
+        "mean_velocity_m_per_s",
+    ]
+    assert len(rows) == 21 and float(rows[0]["time_s"]) == 0.0
+    assert float(rows[-1]["mudline_m"]) == pytest.approx(
+        float(rows[-1]["sedimentation_ratio"]) * 50e-6, rel=1e-6
+    )
+    assert (folder / "settling.png").read_bytes().startswith(b"\x89PNG")
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "curve.csv",
+        "settling.png",
+        "summary.json",
+    ]
+
+
+def test_calibrate_writes_its_files(tmp_path):
+    status, out, err = run(
+        "fang2005", "--out", "fit", "--model", "particles", module="calibrate", folder=tmp_path
+    )
+    assert status == 0, err
+    assert "`f_w * f_s` = 61.4" in out
+    assert "No measurement says anything of `f_w / f_s`" in out
+    assert "varies as 1 / (f_w * f_s * f_v)" in out
+    fit = json.loads((tmp_path / "fit" / "fit.json").read_text())
+    assert fit["converged"] is True and fit["model"] == "particles"
+    assert set(fit["parameters"]) == {"f_w", "f_s", "f_v"}
+    assert fit["parameters"]["f_w"]["determined"] is False
+    assert fit["carried_by_priors_alone"] == ["f_w", "f_s"]
+    assert fit["null_directions"] == ["f_w / f_s"]
+    first, second = fit["determined_combinations"]
+    assert first["expression"] == "f_w * f_s"
+    assert abs(first["value"] - 61.4) < first["standard_error"]
+    assert second["expression"] == "f_v"
+    for prediction, measured in zip(fit["predictions"], (8.0, 3.6), strict=True):
+        assert prediction["measured"] == measured and prediction["unit"] == "mm/day"
+        assert abs(prediction["predicted"] - measured) < prediction["sigma"]
+    assert fit["model_runs"] > 0 and fit["wall_seconds"] > 0
+    report = (tmp_path / "fit" / "report.md").read_text()
+    assert "The fit converged." in report and "61.44 ± 0.77" in report
+    for figure in ("predictions.png", "loss.png"):
+        assert figure in report
+        assert (tmp_path / "fit" / figure).read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_fit_of_misfitting_data_says_so_in_its_report(tmp_path):
+    (tmp_path / "twice.toml").write_text(
+        """
+        name = "twice"
+        [[sample]]
+        name = "first"
+        recipe = "case2"
+        initial_velocity = {value = 8.0, unit = "mm/day", standard_deviation = 0.1}
+        [[sample]]
+        name = "second"
+        recipe = "case2"
+        initial_velocity = {value = 12.0, unit = "mm/day", standard_deviation = 0.1}
+        [[parameter]]
+        name = "f_w"
+        median = 50.0
+        log_standard_deviation = 1.0
+        """
+    )
+    status, _, _ = run(
+        "twice.toml", "--model", "closed-form", "--quiet", module="calibrate", folder=tmp_path
+    )
+    fit = json.loads((tmp_path / "fit" / "fit.json").read_text())
+    assert status == 0 and fit["converged"]
+    # Two values 40 of their standard deviations apart: 40^2 / 2.
+    assert fit["chi_squared"] == pytest.approx(800, rel=0.05)
+    assert "do not agree with the model" in (tmp_path / "fit" / "report.md").read_text()
+
+
+WRONG = {
+    "no such recipe": (["simulate", "nothing"], ["nothing: no such file", "case1, case2, case3"]),
+    "a directory": (["simulate", "."], ["is a directory"]),
+    "no command": (["simulat"], ["No such command 'simulat'"]),
+    "no such option": (["simulate", "case2", "--ouput", "x"], ["No such option", "--out"]),
+    "bad dtype": (["simulate", "case2", "--dtype", "float16"], ["float16", "float64"]),
+    "frames": (["simulate", "case2", "--frames", "0"], ["--frames", "x>=1"]),
+    "duration": (["simulate", "case2", "--duration", "-1"], ["duration = -1.0 must be"]),
+    "text": (["simulate", "case2", "--duration", "soon"], ["--duration", "'soon'"]),
+    "too long": (["simulate", "case2", "--duration", "1e9"], ["more than 2147483647"]),
+    "unstable": (
+        ["simulate", "case2", "--duration", "100", "--time-step", "1e-3"],
+        ["time_step = 0.001 s is unstable", "the largest that would do"],
+    ),
+    "out is a file": (["simulate", "case2", "--out", "file"], ["--out file", "another folder"]),
+    "out under a file": (["reproduce", "--out", "file/x"], ["--out file/x", "another folder"]),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_input_gets_one_line_and_status_2(tmp_path, name):
+    (tmp_path / "file").write_text("not a folder")
+    arguments, words = WRONG[name]
+    status, out, err = run(*arguments, folder=tmp_path)
+    assert status == 2 and out == ""
+    assert err.count("\n") == 1 and err.startswith("mrjax: ")
+    for word in words:
+        assert word in err
+    assert (tmp_path / "file").read_text() == "not a folder"
+
+
+def test_a_wrong_experiment_gets_one_line_and_status_2(tmp_path):
+    status, out, err = run("fang2006", module="calibrate", folder=tmp_path)
+    assert (status, out) == (2, "")
+    assert err == (
+        "mrjax-calibrate: fang2006: no such file, and no bundled experiment; give a TOML file or "
+        "one of fang2005\n"
+    )
+
+
+@pytest.mark.parametrize("module", ["mrjax", "calibrate"])
+def test_interruption_ends_cleanly(tmp_path, module):
+    arguments = ["simulate", "case1", "--frames", "1000"] if module == "mrjax" else ["fang2005"]
+    process = start(*arguments, module=module, folder=tmp_path)
+    time.sleep(4.0)  # imports are over, the work is not
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert "interrupted" in err and "Traceback" not in err
+
+
+@pytest.mark.parametrize(
+    "module, arguments, words",
+    [
+        ("mrjax", [], ["simulate", "reproduce"]),
+        (
+            "mrjax",
+            ["simulate"],
+            ["--duration", "--out DIR", "--seed", "--frames", "mrjax simulate"],
+        ),
+        ("mrjax", ["reproduce"], ["reproduce.json", "--out DIR"]),
+        ("calibrate", [], ["--model", "closed-form", "fang2005", "fit.json"]),
+    ],
+)
+def test_help_tells_enough(tmp_path, module, arguments, words):
+    status, out, err = run(*arguments, "--help", module=module, folder=tmp_path)
+    assert (status, err) == (0, "")
+    for word in words:
+        assert word in out

@@ -1,0 +1,138 @@
+"""The fit, which knows only a function: optimum, priors, convergence, what the data determine."""
+
+from collections import OrderedDict
+
+import jax.numpy as jnp
+import numpy as np
+import optax
+import pytest
+
+import calibrate
+from calibrate import LogNormal
+
+
+def powers(exponents, measured, relative_error):
+    """Residuals of products of powers: ln-linear, so every answer is known exactly."""
+    exponents = jnp.asarray(exponents, float)
+    measured = jnp.asarray(measured, float)
+
+    def residuals(theta):
+        logs = jnp.log(jnp.stack(list(theta.values())))
+        return (jnp.exp(exponents @ logs) / measured - 1.0) / relative_error
+
+    return residuals
+
+
+def test_a_determined_problem_is_solved_to_the_last_digits():
+    """a b = 6, a / b = 1.5, c^2 = 16."""
+    residuals = powers([[1, 1, 0], [1, -1, 0], [0, 0, 2]], [6, 1.5, 16], 0.01)
+    fit = calibrate.fit(residuals, OrderedDict(a=1.0, b=1.0, c=10.0))
+    assert fit.converged
+    np.testing.assert_allclose(fit.values, [3, 2, 4], rtol=1e-8)
+    assert fit.chi_squared < 1e-12
+    found = calibrate.identify(fit)
+    assert found.null_directions == ()
+    assert found.determined == {"a": True, "b": True, "c": True}
+    # Half the variance of two 1 % errors; c from its square.
+    assert found.standard_errors["a"] == pytest.approx(3 * 0.01 / np.sqrt(2), rel=1e-6)
+    assert found.standard_errors["c"] == pytest.approx(4 * 0.005, rel=1e-6)
+
+
+def test_a_prior_is_one_more_measurement():
+    """ln x measured as 0 +- 0.1 with prior ln x = 1 +- 0.2: the precision-weighted mean."""
+
+    def residuals(theta):
+        return jnp.log(theta["x"])[None] / 0.1
+
+    fit = calibrate.fit(residuals, {"x": 2.0}, priors={"x": LogNormal(float(np.e), 0.2)})
+    precision = 1 / 0.1**2 + 1 / 0.2**2
+    mean = (1 / 0.2**2) / precision
+    assert fit.converged
+    assert np.log(fit.values[0]) == pytest.approx(mean, rel=1e-7)
+    errors = calibrate.identify(fit).standard_errors
+    assert errors["x"] == pytest.approx(np.exp(mean) / np.sqrt(precision), rel=1e-6)
+
+
+def test_degenerate_data_name_the_product_and_the_null_directions():
+    """One velocity, three factors: 1/(a b c) is known to 2 %, nothing else is."""
+    residuals = powers([[-1, -1, -1]], [1 / 24], 0.02)
+    priors = {name: LogNormal(3.0, 0.3) for name in "abc"}
+    fit = calibrate.fit(residuals, OrderedDict(a=3.0, b=3.0, c=3.0), priors=priors)
+    found = calibrate.identify(fit)
+    assert fit.converged
+    (product,) = found.combinations
+    assert product.expression == "a * b * c"
+    assert product.value == pytest.approx(24, rel=1e-3)
+    assert product.standard_error == pytest.approx(0.02 * product.value, rel=1e-2)
+    assert found.null_directions == ("a / c", "b / c")
+    assert not any(found.determined.values())
+
+
+def test_without_priors_the_undetermined_has_no_error():
+    residuals = powers([[1, 1, 0]], [6], 0.01)
+    fit = calibrate.fit(residuals, OrderedDict(a=2.0, b=2.0, c=5.0))
+    found = calibrate.identify(fit)
+    assert fit.converged
+    assert np.prod(fit.values[:2]) == pytest.approx(6, rel=1e-6)
+    assert fit.values[2] == pytest.approx(5.0)
+    assert all(np.isinf(error) for error in found.standard_errors.values())
+    assert found.null_directions == ("a / b", "c")
+
+
+def test_fractional_and_irrational_exponents_are_written_as_they_are():
+    residuals = powers([[1, 0.5, 0], [0, 0, 1]], [2, 3], 0.01)
+    fit = calibrate.fit(residuals, OrderedDict(a=1.0, b=1.0, c=1.0))
+    found = calibrate.identify(fit)
+    assert [one.expression for one in found.combinations] == ["a * b^(1/2)", "c"]
+    assert (
+        calibrate.identify(
+            calibrate.fit(powers([[1, -0.7318]], [2], 0.01), OrderedDict(a=1.0, b=1.0))
+        )
+        .combinations[0]
+        .expression
+        == "a / b^0.732"
+    )
+
+
+@pytest.mark.parametrize("optimizer", [optax.sgd(1e-5), optax.adam(0.05), optax.lbfgs()])
+def test_any_optimizer_leads_to_the_same_optimum(optimizer):
+    residuals = powers([[1, 1], [1, -1]], [6, 1.5], 0.01)
+    fit = calibrate.fit(residuals, OrderedDict(a=1.0, b=6.0), optimizer=optimizer)
+    assert fit.converged
+    np.testing.assert_allclose(fit.values, [3, 2], rtol=1e-8)
+
+
+def test_contradicting_data_are_a_misfit_not_a_failure():
+    residuals = powers([[1], [1]], [1.0, 1.2], 0.01)
+    fit = calibrate.fit(residuals, {"a": 1.0})
+    assert fit.converged
+    # Two measurements 0.18 apart with errors of about 0.01 each: chi-squared near 9^2 2.
+    assert fit.chi_squared > 100
+
+
+def test_a_fit_that_cannot_converge_says_so():
+    """The search runs off to infinity: the residual falls for ever."""
+    fit = calibrate.fit(lambda theta: 1e3 / theta["a"][None], {"a": 1.0}, finish_steps=3)
+    assert not fit.converged
+    broken = calibrate.fit(lambda theta: jnp.log(theta["a"] - 2.0)[None], {"a": 1.0})
+    assert not broken.converged
+
+
+@pytest.mark.parametrize("start", [0.0, -1.0, float("nan"), float("inf")])
+def test_a_start_that_is_not_positive_is_refused(start):
+    with pytest.raises(ValueError, match=r"start of a = .*: must be a positive number"):
+        calibrate.fit(lambda theta: theta["a"][None], {"a": start})
+
+
+def test_a_prior_for_nothing_is_refused():
+    with pytest.raises(ValueError, match="prior for 'b': no such parameter; the start has a"):
+        calibrate.fit(lambda t: t["a"][None], {"a": 1.0}, priors={"b": LogNormal(1.0, 1.0)})
+
+
+def test_names_of_arrays_and_nested_starts():
+    start = {"f": jnp.array([1.0, 2.0]), "g": {"h": 3.0}}
+    fit = calibrate.fit(
+        lambda theta: jnp.concatenate([theta["f"] - 2.0, (theta["g"]["h"] - 1.0)[None]]), start
+    )
+    assert fit.names == ("f[0]", "f[1]", "g.h")
+    np.testing.assert_allclose(fit.values, [2, 2, 1], rtol=1e-8)
