@@ -1,5 +1,7 @@
 """A differentiable simulator for the settling of magnetorheological fluids (Son 2018)."""
 
+from importlib.metadata import version
+
 from mrjax.box import Box
 from mrjax.disperse import disperse
 from mrjax.errors import InputError, SimulationError
@@ -11,6 +13,8 @@ from mrjax.simulate import simulate
 from mrjax.state import State, place
 from mrjax.theory import terminal_velocity
 from mrjax.timestep import time_step
+
+__version__ = version("mrjax")
 
 __all__ = [
     "Box",

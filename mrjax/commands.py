@@ -1,6 +1,7 @@
 """What the command lines share: options, versions, and one clear line for every failure."""
 
 import importlib.metadata
+import os
 import sys
 from collections.abc import Callable
 
@@ -62,6 +63,10 @@ def run(command: click.Command, name: str) -> None:
         text = error.format_message() if isinstance(error, click.ClickException) else str(error)
         status = UNTRUSTED if isinstance(error, SimulationError) else WRONG_INPUT
     except (KeyboardInterrupt, click.Abort):
-        text, status = "interrupted; nothing more was written", INTERRUPTED
+        click.echo(f"\n{name}: interrupted; nothing more was written", err=True)
+        sys.stdout.flush()
+        sys.stderr.flush()
+        # After an interrupted compilation jaxlib 0.10.1 crashes while the interpreter shuts down.
+        os._exit(INTERRUPTED)
     click.echo(f"{name}: {' '.join(text.split())}", err=True)
     sys.exit(status)

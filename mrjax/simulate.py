@@ -12,8 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from mrjax import forces, leapfrog, neighbours, particle, schedule, timestep
-from mrjax.box import AXES, Box
+from mrjax import checks, forces, leapfrog, neighbours, particle, schedule, timestep
+from mrjax.box import Box
 from mrjax.concrete import concrete, known
 from mrjax.errors import InputError
 from mrjax.neighbours import Plan
@@ -65,10 +65,11 @@ def simulate(
         where a concrete one is needed.
       SimulationError: the run is not to be trusted (plain calls).
     """
-    frames = _whole(frames, "frames")
-    duration = _positive(duration, "duration", "s")
+    frames = checks.whole(frames, "frames")
+    duration = checks.positive(duration, "duration", "s")
+    skin = checks.positive(skin, "skin", "contact diameters")
     position, velocity = concrete(state.position), concrete(state.velocity)
-    _refuse_outside(position, box)
+    checks.inside_walls(position, box)
     with jax.ensure_compile_time_eval():
         numbers = known(parameters)
         radius = np.asarray(particle.outer_radius(numbers))
@@ -76,7 +77,7 @@ def simulate(
         speed = schedule.fastest(velocity, numbers, box, duration)
         if time_step is None:
             time_step = _chosen_step(numbers)
-        time_step = min(duration / frames, _positive(time_step, "time_step", "s"))
+        time_step = min(duration / frames, checks.positive(time_step, "time_step", "s"))
         largest = schedule.largest_stable_step(numbers, box, diameter, speed)
 
     smallest = 2.0 * float(radius.min())
@@ -88,19 +89,19 @@ def simulate(
         2.0 * skin,
     )
     if capacity is not None:
-        room = min(_whole(capacity, "capacity"), state.particles - 1)
+        room = min(checks.whole(capacity, "capacity"), state.particles - 1)
         plan = replace(plan, capacity=room)
     if cell_capacity is not None:
-        plan = replace(plan, cell_capacity=_whole(cell_capacity, "cell_capacity"))
-    _refuse_narrow(box, state.particles, plan.cutoff * diameter / 2)
-    if time_step > largest and _may_touch(position, radius, box, 2 * speed * duration):
+        plan = replace(plan, cell_capacity=checks.whole(cell_capacity, "cell_capacity"))
+    checks.wide_enough(box, state.particles, plan.cutoff * diameter / 2)
+    if time_step > largest and checks.may_touch(position, radius, box, 2 * speed * duration):
         raise InputError(
             f"time_step = {time_step:.4g} s is unstable for contacts this stiff; the largest that "
             f"would do is {0.995 * largest:.3g} s"
         )
     if rebuild_every is None:
         rebuild_every = schedule.steps_within_skin(speed, time_step, skin * diameter)
-    cuts = schedule.cut(duration, time_step, frames, _whole(rebuild_every, "rebuild_every"))
+    cuts = schedule.cut(duration, time_step, frames, checks.whole(rebuild_every, "rebuild_every"))
 
     while True:
         run = _run(state, parameters, box, duration, diameter / 2, plan, cuts)
@@ -247,73 +248,3 @@ def _chosen_step(numbers: Parameters) -> float:
             "time_step=float(mrjax.time_step(parameters)), computed outside"
         )
     return chosen
-
-
-def _may_touch(position: np.ndarray | None, radius: np.ndarray, box: Box, travel: float) -> bool:
-    """Whether surfaces may come into contact while they approach each other by `travel`, m."""
-    if position is None or np.isnan(travel):
-        return True
-    radius = np.broadcast_to(radius, position.shape[:1])
-    for axis in box.walled_axes:
-        nearest = np.minimum(position[:, axis], box.size[axis] - position[:, axis])
-        if np.any(nearest - radius <= travel):
-            return True
-    if len(position) == 1:
-        return False
-    reach = 2 * radius.max() + travel
-    if reach > min(box.size):
-        return True
-    unit = float(radius.max())
-    in_reach = neighbours.plan(
-        box.scaled(1 / unit), len(position), 2.0, 2.0 * radius.min() / unit, travel / unit
-    )
-    with jax.ensure_compile_time_eval():
-        gap, overflow = _smallest_gap(
-            jnp.asarray(position / unit), jnp.asarray(radius / unit), in_reach, box.scaled(1 / unit)
-        )
-    return bool(overflow) or float(gap) * unit <= travel
-
-
-@partial(jax.jit, static_argnames=("plan", "box"))
-def _smallest_gap(position: Array, radius: Array, plan: Plan, box: Box) -> tuple[Array, Array]:
-    listed = neighbours.build(plan, box, position)
-    return neighbours.smallest_gap(listed, radius), listed.overflow
-
-
-def _refuse_outside(position: np.ndarray | None, box: Box) -> None:
-    if position is None:
-        return
-    for axis in box.walled_axes:
-        for row in np.flatnonzero((position[:, axis] < 0) | (position[:, axis] > box.size[axis])):
-            raise InputError(
-                f"particle {row} is at {AXES[axis]} = {position[row, axis]:.4g} m, outside the "
-                f"walls at 0 and {box.size[axis]:.4g} m; move it inside or make the axis periodic"
-            )
-
-
-def _refuse_narrow(box: Box, particles: int, cutoff: float) -> None:
-    for axis in set(range(3)) - set(box.walled_axes):
-        if particles > 1 and box.size[axis] < 2 * cutoff:
-            raise InputError(
-                f"box size = {box.size[axis]:.4g} m along {AXES[axis]} is periodic but too narrow: "
-                "a particle could touch two images of one neighbour, of which the list holds only "
-                f"the nearest; give at least {2 * cutoff:.4g} m, or walls"
-            )
-
-
-def _positive(value, name: str, unit: str) -> float:
-    known = concrete(value)
-    if known is None:
-        raise InputError(
-            f"{name} is traced by jit or vmap; it fixes the number of steps, so give a number in "
-            f"{unit}"
-        )
-    if known.ndim or not np.isfinite(known) or known <= 0:
-        raise InputError(f"{name} = {value} must be a positive number of {unit}")
-    return float(known)
-
-
-def _whole(value: int, name: str) -> int:
-    if isinstance(value, bool) or int(value) != value or value < 1:
-        raise InputError(f"{name} = {value} must be a whole number, at least 1")
-    return int(value)

@@ -1,0 +1,106 @@
+"""What can be said against a call of `simulate` before it runs; concrete values only."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+
+from mrjax import neighbours
+from mrjax.box import AXES, Box
+from mrjax.concrete import concrete
+from mrjax.errors import InputError
+from mrjax.neighbours import Plan
+
+
+def positive(value: ArrayLike, name: str, unit: str) -> float:
+    """A positive number that is known.
+
+    Raises:
+      InputError: it is traced, or not a positive number.
+    """
+    known = concrete(value)
+    if known is None:
+        raise InputError(
+            f"{name} is traced by jit or vmap; it fixes the number of steps, so give a number in "
+            f"{unit}"
+        )
+    if known.ndim or not np.isfinite(known) or known <= 0:
+        raise InputError(f"{name} = {value} must be a positive number of {unit}")
+    return float(known)
+
+
+def whole(value: int, name: str) -> int:
+    """A whole number, at least 1.
+
+    Raises:
+      InputError: it is not.
+    """
+    if isinstance(value, bool) or int(value) != value or value < 1:
+        raise InputError(f"{name} = {value} must be a whole number, at least 1")
+    return int(value)
+
+
+def inside_walls(position: np.ndarray | None, box: Box) -> None:
+    """Refuses particles whose centre is beyond a wall; positions (N, 3) in m, None if traced.
+
+    Raises:
+      InputError: the first such particle.
+    """
+    if position is None:
+        return
+    for axis in box.walled_axes:
+        for row in np.flatnonzero((position[:, axis] < 0) | (position[:, axis] > box.size[axis])):
+            raise InputError(
+                f"particle {row} is at {AXES[axis]} = {position[row, axis]:.4g} m, outside the "
+                f"walls at 0 and {box.size[axis]:.4g} m; move it inside or make the axis periodic"
+            )
+
+
+def wide_enough(box: Box, particles: int, cutoff: float) -> None:
+    """Refuses a periodic axis on which two images of one neighbour are within the cutoff, m.
+
+    Raises:
+      InputError: the first such axis.
+    """
+    for axis in set(range(3)) - set(box.walled_axes):
+        if particles > 1 and box.size[axis] < 2 * cutoff:
+            raise InputError(
+                f"box size = {box.size[axis]:.4g} m along {AXES[axis]} is periodic but too narrow: "
+                "a particle could touch two images of one neighbour, of which the list holds only "
+                f"the nearest; give at least {2 * cutoff:.4g} m, or walls"
+            )
+
+
+def may_touch(position: np.ndarray | None, radius: np.ndarray, box: Box, travel: float) -> bool:
+    """Whether surfaces may come into contact while they approach each other by `travel`, m.
+
+    True where positions, (N, 3) in m, or the travel are traced. `radius` is () or (N,), in m.
+    """
+    if position is None or np.isnan(travel):
+        return True
+    radius = np.broadcast_to(radius, position.shape[:1])
+    for axis in box.walled_axes:
+        nearest = np.minimum(position[:, axis], box.size[axis] - position[:, axis])
+        if np.any(nearest - radius <= travel):
+            return True
+    if len(position) == 1:
+        return False
+    unit = float(radius.max())
+    if 2 * unit + travel > min(box.size):
+        return True
+    scaled = box.scaled(1 / unit)
+    in_reach = neighbours.plan(scaled, len(position), 2.0, 2.0 * radius.min() / unit, travel / unit)
+    with jax.ensure_compile_time_eval():
+        gap, overflow = _smallest_gap(
+            jnp.asarray(position / unit), jnp.asarray(radius / unit), in_reach, scaled
+        )
+    return bool(overflow) or float(gap) * unit <= travel
+
+
+@partial(jax.jit, static_argnames=("plan", "box"))
+def _smallest_gap(position: Array, radius: Array, plan: Plan, box: Box) -> tuple[Array, Array]:
+    listed = neighbours.build(plan, box, position)
+    return neighbours.smallest_gap(listed, radius), listed.overflow

@@ -1,0 +1,62 @@
+"""What the README promises: its example runs, its numbers are those the commands give."""
+
+import re
+from pathlib import Path
+
+import jax
+import pytest
+
+import mrjax
+from mrjax import drag, reproduce
+
+ROOT = Path(__file__).parent.parent
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_python_example_prints_what_it_says(capsys):
+    (block,) = re.findall(r"```python\n(.*?)```", README, flags=re.S)
+    with jax.numpy_rank_promotion("allow"), jax.numpy_dtype_promotion("standard"):
+        exec(block, {})
+    printed = capsys.readouterr().out.strip()
+    assert printed and f"It prints `{printed}`." in README
+
+
+def test_there_are_exactly_two_set_up_commands():
+    section = README.split("## Set up")[1].split("\n## ")[0]
+    commands = re.findall(r"```sh\n(.*?)\n```", section, flags=re.S)
+    assert len(commands) == 2 == len([line for c in commands for line in c.splitlines()])
+    assert "mrjax-calibrate fang2005 --out fang2005" in commands[0]
+    assert "-m pytest" in commands[1]
+
+
+def test_the_table_of_reproduced_numbers_is_what_the_command_gives():
+    section = README.split("## What it reproduces")[1].split("\n## ")[0]
+    stated = [line for line in section.splitlines() if line.startswith(("| case", "| Eq"))][1:]
+    computed = {
+        f"| {one.case} | {one.quantity} | {one.printed:g} | {one.computed or 0:.6g} | {one.unit} "
+        f"| {one.status} |"
+        for one in reproduce.rows(seed=0)
+    }
+    assert len(stated) == 8
+    for line in stated:
+        assert line in computed
+
+
+def test_every_file_is_in_the_table_of_files():
+    for package in ("mrjax", "calibrate"):
+        for path in (ROOT / package).glob("*.py"):
+            if path.name != "__init__.py":
+                assert f"`{package}/{path.name}`" in README
+
+
+def test_every_closure_is_in_the_table_of_closures():
+    for name in drag.CLOSURES:
+        assert f"| `{name}` |" in README
+    assert float(drag.volume_fraction_at(0.8)) == pytest.approx(0.368, abs=5e-4)
+
+
+def test_the_version_is_the_same_everywhere():
+    version = re.search(r'^version = "(.*)"', (ROOT / "pyproject.toml").read_text(), re.M)[1]
+    assert f"version: {version}\n" in (ROOT / "CITATION.cff").read_text()
+    assert f"## {version}" in (ROOT / "CHANGELOG.md").read_text()
+    assert mrjax.__version__ == version
