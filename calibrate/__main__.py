@@ -62,6 +62,17 @@ def cli(experiment: str, out: str, model: str, seed: int, dtype: str, quiet: boo
     if not quiet:
         click.echo("\n".join(report.in_words(result)))
         click.echo(f"Report: {folder / 'report.md'}")
+    if result["misfit"]:
+        worst = max(
+            result["predictions"],
+            key=lambda one: abs(one["predicted"] - one["measured"]) / one["sigma"],
+        )
+        click.echo(
+            f"mrjax-calibrate: warning: the data do not fit; sample {worst['sample']}: "
+            f"{worst['measured']:.4g} {worst['unit']} measured, {worst['predicted']:.4g} "
+            "predicted: check value and unit",
+            err=True,
+        )
     if not fitted.converged:
         raise SimulationError(
             f"the fit did not converge in {fitted.model_runs} model runs; what {folder} holds is "

@@ -60,6 +60,11 @@ def summary(
                 problem.measurements, predicted, exponents, strict=True
             )
         ],
+        "notes": [
+            f"sample {sample.name}: {note}"
+            for sample in problem.experiment.samples
+            for note in sample.recipe.notes
+        ],
         "chi_squared": fit.chi_squared,
         "misfit": fit.chi_squared > CHI_SQUARED_PER_MEASUREMENT * len(predicted),
         "singular_values": found.singular_values,
@@ -93,6 +98,11 @@ def in_words(result: dict[str, Any]) -> list[str]:
             f"The data do not agree with the model, or with each other: chi-squared is "
             f"{result['chi_squared']:.3g} for {len(result['predictions'])} measurements."
         )
+    lines += [
+        f"One `{label}` is taken for samples {', '.join(one['samples'])}."
+        for label, one in parameters.items()
+        if len(one["samples"]) > 1
+    ]
     if carried := result["carried_by_priors_alone"]:
         names = ", ".join(f"`{name}`" for name in carried)
         lines.append(
@@ -112,8 +122,8 @@ def markdown(name: str, model: str, result: dict[str, Any]) -> str:
     )
     if result["misfit"]:
         verdict += (
-            " **The data do not agree with the model, or with each other, within their errors;** "
-            "the errors below are too small by as much."
+            " **The data do not agree with the model, or with each other, within their errors:** "
+            "check values and units; the errors below do not allow for it."
         )
     predictions = files.markdown_table(
         ["sample", "observable", "measured", "predicted", "unit", "difference / sigma"],
@@ -148,6 +158,7 @@ def markdown(name: str, model: str, result: dict[str, Any]) -> str:
             for label, one in result["parameters"].items()
         ),
     )
+    notes = "".join(f"\nNote: {note}.\n" for note in result["notes"])
     words = "\n".join(line if line.startswith("-") else f"\n{line}" for line in in_words(result))
     return f"""# {name}, fitted with the {model} model
 
@@ -166,13 +177,15 @@ def markdown(name: str, model: str, result: dict[str, Any]) -> str:
 
 {parameters}
 Errors are one standard deviation; of the values, data and priors together; of the combinations,
-the data alone. A fitted drag factor is a calibration constant: laws of hindered settling for hard
-spheres give several times these velocities; flocculation or a spread of sizes may be behind it.
+the data alone. A fitted drag factor is a calibration constant: what the recipe leaves out, such as
+flocculation or a spread of sizes, is in it.
 
 ## The search
 
 ![loss](loss.png)
-"""
+
+The search overshoots and comes back, as Adam does; Levenberg-Marquardt finishes it.
+{notes}"""
 
 
 def predictions_figure(result: dict[str, Any]) -> Figure:
@@ -218,7 +231,7 @@ def loss_figure(fit: Fit) -> Figure:
     axes.semilogy(search, ".-", color="0.4", label="search")
     axes.semilogy([len(search)], [end], "D", color="black", label="finish")
     axes.set_xlabel("step")
-    axes.set_ylabel("half the sum of squares")
+    axes.set_ylabel("half the sum of squares,\ndata and priors")
     axes.legend(frameon=False)
     return figure
 

@@ -7,8 +7,11 @@ import click
 
 from mrjax import commands, files
 
+STEADY_AFTER = 10.0
+"""Relaxation times after which a velocity is steady to 5e-5."""
 
-@click.group()
+
+@click.group(no_args_is_help=False)
 @click.version_option(package_name="mrjax")
 def cli() -> None:
     """Settling of magnetorheological fluids by a differentiable discrete element method."""
@@ -37,7 +40,7 @@ def cli() -> None:
 )
 @click.option(
     "--frames",
-    type=click.IntRange(min=1),
+    type=click.IntRange(1, 1_000_000),
     default=100,
     show_default=True,
     help="Times at which the curve is recorded.",
@@ -59,15 +62,25 @@ def simulate(
     import jax
 
     import mrjax
-    from mrjax import figures, timestep
+    from mrjax import checks, figures, timestep
 
     began = time.perf_counter()
     commands.set_precision(dtype)
     sheet = mrjax.Recipe.load(recipe)
+    for name, value in (("--duration", duration), ("--time-step", time_step)):
+        if value is not None:
+            checks.positive(value, name, "s")
     folder = files.result_folder(Path(out))
     parameters = sheet.parameters()
+    relaxation = float(timestep.relaxation_time(parameters))
     if duration is None:
-        duration = 20.0 * float(timestep.relaxation_time(parameters))
+        duration = 20.0 * relaxation
+    notes = list(sheet.notes)
+    if duration < STEADY_AFTER * relaxation:
+        notes.append(
+            f"the run covers {duration / relaxation:.2g} relaxation times, too few for a settling "
+            f"velocity: give --duration {STEADY_AFTER * relaxation:.2g} or more"
+        )
     run = mrjax.simulate(
         mrjax.disperse(sheet, seed),
         parameters,
@@ -96,7 +109,8 @@ def simulate(
         "deepest_overlap_radii": run.deepest_overlap,
         "seed": seed,
         "dtype": dtype,
-        "notes": sheet.notes,
+        "notes": notes,
+        "steady": duration >= STEADY_AFTER * relaxation,
         "versions": commands.versions(),
         "wall_seconds": time.perf_counter() - began,
     }
@@ -112,11 +126,11 @@ def simulate(
     )
     figures.settling(run, parameters).savefig(folder / "settling.png", dpi=150)
     if not quiet:
-        for note in sheet.notes:
+        for note in notes:
             click.echo(f"Note: {note}.")
         click.echo(
             f"{run.state.particles} particles settle at {figures.MM_PER_DAY * velocity:.5g} mm/day "
-            f"(one alone, Eq. 27: {float(summary['closed_form_mm_per_day']):.5g}); "
+            f"(Eq. 27 with the same factors: {float(summary['closed_form_mm_per_day']):.5g}); "
             f"{run.steps} steps of {run.time_step:.3g} s on {jax.default_backend()}."
         )
         click.echo(f"Results: {folder}")

@@ -63,7 +63,7 @@ def run(command: click.Command, name: str) -> None:
         text = error.format_message() if isinstance(error, click.ClickException) else str(error)
         status = UNTRUSTED if isinstance(error, SimulationError) else WRONG_INPUT
     except (KeyboardInterrupt, click.Abort):
-        click.echo(f"\n{name}: interrupted; nothing more was written", err=True)
+        click.echo(f"\n{name}: interrupted; no results were written", err=True)
         sys.stdout.flush()
         sys.stderr.flush()
         # After an interrupted compilation jaxlib 0.10.1 crashes while the interpreter shuts down.

@@ -28,13 +28,13 @@ def settling(run: Run, parameters: Parameters) -> Figure:
         smooth,
         MM_PER_DAY * np.asarray(theory.free_fall_velocity(parameters, smooth)),
         color="0.6",
-        label="Eq. 27, one particle",
+        label="Eq. 27, same factors",
     )
     velocity.plot(
         times,
         MM_PER_DAY * np.asarray(run.mean_velocity),
         "k.",
-        label=f"mean of {run.state.particles}",
+        label=f"mean of {run.state.particles} particles",
     )
     velocity.set_ylabel("settling velocity, mm/day")
     velocity.legend(frameon=False)

@@ -68,19 +68,12 @@ def _between_particles(parameters: Parameters, radius: Array):
         )
         mine, theirs = pair(radius)
         overlap = jnp.where(present, mine + theirs - distance, -mine)
-        modulus = contact.effective_modulus(
-            *(
-                value
-                for both in zip(
-                    pair(parameters.elastic_modulus), pair(parameters.poisson_ratio), strict=True
-                )
-                for value in both
-            )
-        )
+        modulus_i, modulus_j = pair(parameters.elastic_modulus)
+        poisson_i, poisson_j = pair(parameters.poisson_ratio)
         size = contact.normal_force(
             overlap,
             approach,
-            modulus,
+            contact.effective_modulus(modulus_i, poisson_i, modulus_j, poisson_j),
             contact.harmonic(mine, theirs),
             contact.harmonic(*pair(inertia)),
             mean(parameters.dissipation),

@@ -4,6 +4,7 @@ Weight fractions become volume fractions, a number of particles in the box, and 
 that every law reads. Everything is checked here, once.
 """
 
+import difflib
 import inspect
 import math
 from pathlib import Path
@@ -21,6 +22,9 @@ from mrjax.sheets import Sheet
 
 RANDOM_CLOSE_PACKING = 0.64
 """Volume fraction above which equal spheres cannot be dispersed (Desmond & Weeks, 0903.0864)."""
+
+LEAST_DENSITY, LEAST_MODULUS, LARGEST_DIAMETER = 10.0, 1e3, 0.1
+"""kg/m^3, Pa and m: beyond these a number was given in another unit."""
 
 MOST_PARTICLES = 10**8
 """More than a machine can hold: a box in micrometres, taken for metres."""
@@ -109,8 +113,10 @@ class Drag(Sheet):
             raise ValueError(f"drag.f_w = {f_w!r}: names no closure; add closure = one of {names}")
         closure = drag.CLOSURES.get(str(sheet["closure"]))
         if closure is None:
+            close = difflib.get_close_matches(str(sheet["closure"]), drag.CLOSURES, n=1)
+            hint = f"did you mean {close[0]}? " if close else ""
             raise ValueError(
-                f"drag.f_w = {f_w!r}: no such closure; give a number or one of {names}"
+                f"drag.f_w = {f_w!r}: no such closure; {hint}give a number or one of {names}"
             )
         known = list(inspect.signature(closure).parameters)[1:]
         for key in sheet.keys() - {"closure", *known}:
@@ -303,6 +309,7 @@ class Recipe(Sheet):
 
     @model_validator(mode="after")
     def _can_be_made(self):
+        self._check_units()
         self._check_coating()
         self._check_settles()
         self._check_packing()
@@ -310,7 +317,34 @@ class Recipe(Sheet):
         self._check_box()
         return self
 
+    def _check_units(self):
+        solids = {"particle": self.particle, "coating": self.coating, "wall": self.wall}
+        materials = {name: table for name, table in solids.items() if table}
+        for name, table in {**materials, "fluid": self.fluid}.items():
+            density = getattr(table, "density", LEAST_DENSITY)
+            if density < LEAST_DENSITY:
+                raise ValueError(
+                    f"{name}.density = {density}: no solid or liquid is so light; give kg/m^3: "
+                    "7.47 g/cm^3 is 7470"
+                )
+        for name, table in materials.items():
+            if table.elastic_modulus < LEAST_MODULUS:
+                raise ValueError(
+                    f"{name}.elastic_modulus = {table.elastic_modulus}: no solid is so soft; give "
+                    "Pa: 211 GPa is 211e9"
+                )
+        if self.particle.diameter > LARGEST_DIAMETER:
+            raise ValueError(
+                f"particle.diameter = {self.particle.diameter}: too large for a suspension; give "
+                "m: 4 um is 4e-6"
+            )
+
     def _check_coating(self):
+        if self.radius_factor > 1 and self.composition.coating == 0:
+            raise ValueError(
+                "composition.coating is missing or 0, though [coating] has radius_factor = "
+                f"{self.radius_factor}; give its weight fraction, or remove [coating]"
+            )
         if self.composition.coating > 0 and not self.coating:
             raise ValueError(
                 f"composition.coating = {self.composition.coating}: there is no table [coating]; "

@@ -20,6 +20,11 @@ class Sheet(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
+OF_ANOTHER_FILE = {
+    "sample": "an experiment, not a recipe; give it to mrjax-calibrate",
+    "particle": "a recipe, not an experiment; give it to mrjax simulate",
+}
+
 SheetType = TypeVar("SheetType", bound=Sheet)
 
 
@@ -45,8 +50,11 @@ def read(source: str | Path, package: str, kind: str) -> tuple[dict[str, Any], P
     try:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
+        close = difflib.get_close_matches(name.lower(), bundled, n=1)
+        hint = f"did you mean {close[0]}? " if close else ""
         raise InputError(
-            f"{source}: no such file, and no bundled {kind}; give a TOML file or one of {names}"
+            f"{source}: no such file, and no bundled {kind}; {hint}give a TOML file or one of "
+            f"{names}"
         ) from None
     except IsADirectoryError:
         raise InputError(
@@ -95,6 +103,8 @@ def _refuse(model: type[Sheet], error: ValidationError, source: str) -> NoReturn
             close = difflib.get_close_matches(str(path[-1]), known, n=1)
             hint = f"did you mean {close[0]}?" if close else f"known here: {', '.join(known)}"
             message = f"{key} = {_shown(fault['input'])}: unknown key; {hint}"
+            if len(path) == 1 and path[0] in OF_ANOTHER_FILE:
+                message = f"{key}: this is {OF_ANOTHER_FILE[path[0]]}"
         case "value_error":
             message = str(fault["ctx"]["error"])
             message = message if key.split(".")[0] in message else f"{key}: {message}"

@@ -36,7 +36,7 @@ def suspension(axes) -> None:
         )
     )
     axes.set(xlim=(0, 25), ylim=(0, 50), aspect="equal", xlabel="µm", ylabel="µm")
-    axes.set_title("314 particles, 34 % by volume")
+    axes.set_title("314 particles")
 
 
 def velocity(axes) -> None:

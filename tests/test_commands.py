@@ -112,11 +112,12 @@ def test_a_fit_of_misfitting_data_says_so_in_its_report(tmp_path):
         log_standard_deviation = 1.0
         """
     )
-    status, _, _ = run(
+    status, _, err = run(
         "twice.toml", "--model", "closed-form", "--quiet", module="calibrate", folder=tmp_path
     )
     fit = json.loads((tmp_path / "fit" / "fit.json").read_text())
-    assert status == 0 and fit["converged"]
+    assert status == 0 and fit["converged"] and fit["misfit"]
+    assert "warning: the data do not fit; sample" in err and err.count("\n") == 1
     # Two values 40 of their standard deviations apart: 40^2 / 2.
     assert fit["chi_squared"] == pytest.approx(800, rel=0.05)
     assert "do not agree with the model" in (tmp_path / "fit" / "report.md").read_text()
@@ -125,10 +126,11 @@ def test_a_fit_of_misfitting_data_says_so_in_its_report(tmp_path):
 WRONG = {
     "no such recipe": (["simulate", "nothing"], ["nothing: no such file", "case1, case2, case3"]),
     "a directory": (["simulate", "."], ["is a directory"]),
+    "nothing": ([], ["Missing command"]),
     "no command": (["simulat"], ["No such command 'simulat'"]),
     "no such option": (["simulate", "case2", "--ouput", "x"], ["No such option", "--out"]),
     "bad dtype": (["simulate", "case2", "--dtype", "float16"], ["float16", "float64"]),
-    "frames": (["simulate", "case2", "--frames", "0"], ["--frames", "x>=1"]),
+    "frames": (["simulate", "case2", "--frames", "0"], ["--frames", "1<=x"]),
     "duration": (["simulate", "case2", "--duration", "-1"], ["duration = -1.0 must be"]),
     "text": (["simulate", "case2", "--duration", "soon"], ["--duration", "'soon'"]),
     "too long": (["simulate", "case2", "--duration", "1e9"], ["more than 2147483647"]),
@@ -157,9 +159,16 @@ def test_a_wrong_experiment_gets_one_line_and_status_2(tmp_path):
     status, out, err = run("fang2006", module="calibrate", folder=tmp_path)
     assert (status, out) == (2, "")
     assert err == (
-        "mrjax-calibrate: fang2006: no such file, and no bundled experiment; give a TOML file or "
-        "one of fang2005\n"
+        "mrjax-calibrate: fang2006: no such file, and no bundled experiment; "
+        "did you mean fang2005? give a TOML file or one of fang2005\n"
     )
+
+
+def test_a_run_too_short_to_settle_says_so(tmp_path):
+    status, out, _ = run("simulate", "case2", "--duration", "1e-8", folder=tmp_path)
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert status == 0 and summary["steady"] is False
+    assert "too few for a settling velocity: give --duration 1.3e-07" in out
 
 
 @pytest.mark.parametrize("module", ["mrjax", "calibrate"])

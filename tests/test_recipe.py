@@ -346,6 +346,15 @@ FAULTS = {
         # 0.31284 * 1.5^3; (0.64 / 0.31284)^(1/3)
         ["coating.radius_factor = 1.5", "1.056", "close packing (0.64)", "less than 1.269"],
     ),
+    "coating without weight": (
+        "fluid = 0.200\ncoating = 0.016",
+        "fluid = 0.216",
+        ["composition.coating is missing", "1.1", "remove [coating]"],
+    ),
+    "density in g/cm^3": ("7470.0", "7.47", ["particle.density = 7.47", "kg/m^3"]),
+    "modulus in GPa": ("211e9", "211", ["particle.elastic_modulus = 211.0", "Pa"]),
+    "diameter in um": ("diameter = 4e-6", "diameter = 4", ["particle.diameter = 4.0", "4e-6"]),
+    "misspelt closure": ('"son2018"', '"son-2018"', ["drag.f_w = 'son-2018'", "mean son2018?"]),
     "thin coating": (
         "radius_factor = 1.1 ",
         "radius_factor = 0.9 ",
