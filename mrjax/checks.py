@@ -1,6 +1,8 @@
 """What can be said against a call of `simulate` before it runs; concrete values only."""
 
+import dataclasses
 from functools import partial
+from numbers import Real
 
 import jax
 import jax.numpy as jnp
@@ -13,6 +15,7 @@ from mrjax.box import AXES, Box
 from mrjax.concrete import concrete
 from mrjax.errors import InputError
 from mrjax.neighbours import Plan
+from mrjax.parameters import Parameters
 
 
 def positive(value: ArrayLike, name: str, unit: str) -> float:
@@ -27,7 +30,7 @@ def positive(value: ArrayLike, name: str, unit: str) -> float:
             f"{name} is traced by jit or vmap; it fixes the number of steps, so give a number in "
             f"{unit}"
         )
-    if known.ndim or not np.isfinite(known) or known <= 0:
+    if known.ndim or known.dtype.kind not in "fiu" or not np.isfinite(known) or known <= 0:
         raise InputError(f"{name} = {value} must be a positive number of {unit}")
     return float(known)
 
@@ -38,9 +41,42 @@ def whole(value: int, name: str) -> int:
     Raises:
       InputError: it is not.
     """
-    if isinstance(value, bool) or int(value) != value or value < 1:
+    number = isinstance(value, Real) and not isinstance(value, bool)
+    if not number or not np.isfinite(value) or int(value) != value or value < 1:
         raise InputError(f"{name} = {value} must be a whole number, at least 1")
     return int(value)
+
+
+def meaningful(parameters: Parameters, particles: int) -> None:
+    """Refuses leaves that describe nothing, where they are known.
+
+    Raises:
+      InputError: the first leaf of another shape than () or (N,), or out of its range.
+    """
+    for quantity in dataclasses.fields(parameters):
+        leaf = getattr(parameters, quantity.name)
+        if isinstance(leaf, list | tuple):
+            raise InputError(f"{quantity.name} is a list; give a number or an array of shape (N,)")
+        if np.shape(leaf) not in ((), (particles,)):
+            raise InputError(
+                f"{quantity.name} has shape {np.shape(leaf)}; give one number, or one for each of "
+                f"the {particles} particles"
+            )
+        values = concrete(leaf)
+        if values is None:
+            continue
+        values = np.asarray(values, float)  # float32 cannot hold the bounds
+        above, least, most = (quantity.metadata[key] for key in ("above", "least", "most"))
+        good = (values > above) & (values >= least) & (values <= most)
+        if not np.all(good):
+            bound = f"above {above:g}" if np.isfinite(above) else "finite"
+            bound = f"at least {least:g}" if np.isfinite(least) else bound
+            bound += f", at most {most:g}" if most < 1e300 else ""
+            unit = quantity.metadata["unit"]
+            raise InputError(
+                f"{quantity.name} = {values[~good][0] if values.ndim else values} must be {bound}"
+                + (f", in {unit}" if unit != "1" else "")
+            )
 
 
 def inside_walls(position: np.ndarray | None, box: Box) -> None:

@@ -107,6 +107,19 @@ def _loss_slope(ratio: Array) -> Array:
     return 2.0 * angle + 2.0 * ratio * jnp.where(near, series, slope)
 
 
+def damping_coefficient(
+    modulus: ArrayLike,
+    radius: ArrayLike,
+    mass: ArrayLike,
+    overlap: ArrayLike,
+    dissipation: ArrayLike,
+    damping: ArrayLike,
+) -> Array:
+    """dF/dd' at an overlap: 2/3 K A + z sqrt(10/3 m* K) with the stiffness K of Eq. 25; N s/m."""
+    spring = stiffness(modulus, radius, overlap)
+    return 2 / 3 * spring * dissipation + damping * jnp.sqrt(10 / 3 * mass * spring)
+
+
 def normal_force(
     overlap: ArrayLike,
     closing_speed: ArrayLike,
@@ -131,9 +144,10 @@ def normal_force(
     """
     depth = jnp.maximum(overlap, 0.0)
     rounded = depth + ROUNDING * radius
-    root = depth / jnp.sqrt(rounded)
+    half_power = jnp.sqrt(rounded)
+    root = depth / half_power
     hertz = 4.0 / 3.0 * modulus * jnp.sqrt(radius)
     elastic = hertz * root * (depth + dissipation * closing_speed)
-    fourth_root = depth / rounded**0.75
+    fourth_root = depth / (half_power * jnp.sqrt(half_power))
     viscous = damping * jnp.sqrt(5.0 * mass * hertz) * fourth_root * closing_speed
     return jnp.maximum(elastic + viscous, 0.0)

@@ -5,6 +5,8 @@ Nothing is validated here: the leaves are traced by jit, grad and vmap. `Recipe`
 """
 
 import dataclasses
+import math
+import sys
 from dataclasses import dataclass, field
 
 import jax
@@ -15,8 +17,19 @@ from jax.typing import ArrayLike, DTypeLike
 from mrjax.units import Units
 
 
-def _quantity(unit: str, mass: int = 0, length: int = 0, time: int = 0, **keywords):
-    return field(metadata={"unit": unit, "dimension": (mass, length, time)}, **keywords)
+def _quantity(
+    unit: str,
+    mass: int = 0,
+    length: int = 0,
+    time: int = 0,
+    above: float = -math.inf,
+    least: float = -math.inf,
+    most: float = sys.float_info.max,
+    **keywords,
+):
+    """A leaf with its unit, its dimension in kg, m and s, and the values that have a meaning."""
+    metadata = {"unit": unit, "dimension": (mass, length, time)}
+    return field(metadata={**metadata, "above": above, "least": least, "most": most}, **keywords)
 
 
 @jax.tree_util.register_dataclass
@@ -29,41 +42,43 @@ class Parameters:
     same parameters describe a dry collision.
     """
 
-    radius: ArrayLike = _quantity("m", length=1)
+    radius: ArrayLike = _quantity("m", length=1, above=0.0)
     """R, radius of the uncoated particle."""
-    particle_density: ArrayLike = _quantity("kg/m^3", mass=1, length=-3)
+    particle_density: ArrayLike = _quantity("kg/m^3", mass=1, length=-3, above=0.0)
     """rho_p, density of the uncoated particle."""
-    fluid_density: ArrayLike = _quantity("kg/m^3", mass=1, length=-3)
+    fluid_density: ArrayLike = _quantity("kg/m^3", mass=1, length=-3, least=0.0)
     """rho_f."""
-    viscosity: ArrayLike = _quantity("Pa s", mass=1, length=-1, time=-1)
+    viscosity: ArrayLike = _quantity("Pa s", mass=1, length=-1, time=-1, least=0.0)
     """mu of the base fluid, without additives."""
-    elastic_modulus: ArrayLike = _quantity("Pa", mass=1, length=-1, time=-2)
+    elastic_modulus: ArrayLike = _quantity("Pa", mass=1, length=-1, time=-2, above=0.0)
     """E of the surfaces in contact."""
-    poisson_ratio: ArrayLike = _quantity("1")
+    poisson_ratio: ArrayLike = _quantity("1", above=-1.0, most=0.5)
     """nu of the surfaces in contact."""
-    wall_elastic_modulus: ArrayLike = _quantity("Pa", mass=1, length=-1, time=-2, default=jnp.inf)
+    wall_elastic_modulus: ArrayLike = _quantity(
+        "Pa", mass=1, length=-1, time=-2, default=jnp.inf, above=0.0, most=math.inf
+    )
     """E of the walls; infinite for rigid ones."""
-    wall_poisson_ratio: ArrayLike = _quantity("1", default=0.0)
+    wall_poisson_ratio: ArrayLike = _quantity("1", default=0.0, above=-1.0, most=0.5)
     """nu of the walls."""
-    friction: ArrayLike = _quantity("1", default=0.0)
+    friction: ArrayLike = _quantity("1", default=0.0, least=0.0)
     """Coulomb's coefficient. Carried for the tangential law; the normal law does not read it."""
-    restitution: ArrayLike = _quantity("1", default=1.0)
+    restitution: ArrayLike = _quantity("1", default=1.0, above=0.0, most=1.0)
     """Rebound speed over impact speed of a dry normal impact, 0 < e <= 1."""
-    dissipation: ArrayLike = _quantity("s", time=1, default=0.0)
+    dissipation: ArrayLike = _quantity("s", time=1, default=0.0, least=0.0)
     """A of Eq. 4."""
     gravity: ArrayLike = _quantity("m/s^2", length=1, time=-2, default=9.81)
     """g, along -z."""
-    added_mass: ArrayLike = _quantity("1", default=0.5)
+    added_mass: ArrayLike = _quantity("1", default=0.5, least=0.0)
     """Added mass over displaced fluid mass: 1/2 for a sphere (Eq. 11), 0 to leave it out."""
-    coating_density: ArrayLike = _quantity("kg/m^3", mass=1, length=-3, default=0.0)
+    coating_density: ArrayLike = _quantity("kg/m^3", mass=1, length=-3, default=0.0, least=0.0)
     """rho_c; without effect where f_r = 1."""
-    f_w: ArrayLike = _quantity("1", default=1.0)
+    f_w: ArrayLike = _quantity("1", default=1.0, above=0.0)
     """Wall and crowding factor of the drag (Eq. 14)."""
-    f_s: ArrayLike = _quantity("1", default=1.0)
+    f_s: ArrayLike = _quantity("1", default=1.0, above=0.0)
     """Shape factor of the drag (Eq. 16)."""
-    f_v: ArrayLike = _quantity("1", default=1.0)
+    f_v: ArrayLike = _quantity("1", default=1.0, above=0.0)
     """Viscosity of the fluid with additives over that of the base fluid."""
-    f_r: ArrayLike = _quantity("1", default=1.0)
+    f_r: ArrayLike = _quantity("1", default=1.0, above=0.0)
     """Coated radius over uncoated radius."""
 
     def replace(self, **changes: ArrayLike) -> "Parameters":

@@ -146,7 +146,7 @@ class Drag(Sheet):
         return [largest, medium, smallest]
 
 
-def _above_zero(key: str, value: object, what: str = "a finite number") -> float:
+def _above_zero(key: str, value: object, what: str = "a number") -> float:
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if not number or not 0 < value < math.inf:
         raise ValueError(f"{key} = {value!r}: must be {what} above zero, finite")

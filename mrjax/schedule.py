@@ -113,5 +113,9 @@ def largest_stable_step(numbers: Parameters, box: Box, diameter: float, speed: f
     They carry a column of particles as high as the box, or meet at twice the greatest speed.
     """
     load = np.asarray(particle.net_weight(numbers)) * max(1.0, box.height / diameter)
-    overlap = timestep.expected_overlap(numbers, np.max(load), 2.0 * speed)
-    return float(timestep.largest_stable_step(numbers, overlap))
+    overlap = float(timestep.expected_overlap(numbers, np.max(load), 2.0 * speed))
+    step = float(timestep.largest_stable_step(numbers, overlap))
+    if not np.isfinite(step):
+        return step
+    # The first step into a contact may go deeper than a damped impact ever would.
+    return float(timestep.largest_stable_step(numbers, max(overlap, 2.0 * speed * step)))

@@ -1,6 +1,7 @@
 """TOML sheets: found, read, validated, and every fault said in one line with its remedy."""
 
 import difflib
+import os
 import tomllib
 from importlib import resources
 from pathlib import Path
@@ -37,6 +38,8 @@ def read(source: str | Path, package: str, kind: str) -> tuple[dict[str, Any], P
     Raises:
       InputError: no such file, a directory, no permission, or not TOML.
     """
+    if not isinstance(source, str | os.PathLike):
+        raise InputError(f"{source!r}: is no file name; give a {kind}'s name or a path")
     name = str(source)
     bundled = {
         Path(entry.name).stem: entry

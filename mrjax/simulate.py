@@ -53,7 +53,8 @@ def simulate(
       duration: s.
       frames: number of times at which observables are recorded, beside the start.
       time_step: longest step, s; shortened so that the steps fill the frames. Left out, it is
-        `mrjax.time_step(parameters)` (Eq. 29). Never differentiated through.
+        `mrjax.time_step(parameters)` (Eq. 29), or less where contacts are strongly damped. Never
+        differentiated through.
       skin: reach of the neighbour list beyond contact, as a fraction of the contact diameter.
       rebuild_every: most steps between rebuilds of the list; left out, chosen so that nothing
         falls through the skin in between.
@@ -68,6 +69,7 @@ def simulate(
     frames = checks.whole(frames, "frames")
     duration = checks.positive(duration, "duration", "s")
     skin = checks.positive(skin, "skin", "contact diameters")
+    checks.meaningful(parameters, state.particles)
     position, velocity = concrete(state.position), concrete(state.velocity)
     checks.inside_walls(position, box)
     with jax.ensure_compile_time_eval():
@@ -75,10 +77,11 @@ def simulate(
         radius = np.asarray(particle.outer_radius(numbers))
         diameter = schedule.contact_diameter(state, radius, slack=skin / 4)
         speed = schedule.fastest(velocity, numbers, box, duration)
-        if time_step is None:
-            time_step = _chosen_step(numbers)
-        time_step = min(duration / frames, checks.positive(time_step, "time_step", "s"))
         largest = schedule.largest_stable_step(numbers, box, diameter, speed)
+        if time_step is None:
+            # Eq. 29 knows nothing of dissipation, which may ask for less.
+            time_step = np.fmin(_chosen_step(numbers), largest)
+        time_step = min(duration / frames, checks.positive(time_step, "time_step", "s"))
 
     smallest = 2.0 * float(radius.min())
     plan = neighbours.plan(
@@ -177,7 +180,7 @@ def _scan(
     skin_left = plan.cutoff - 2.0 * jnp.max(radius)
 
     def observe(position: Array, velocity: Array) -> tuple[Array, Array]:
-        return jnp.max(position[2] + radius), -jnp.mean(velocity[2])
+        return jnp.max(position[2] + radius), 0.0 - jnp.mean(velocity[2])
 
     @partial(jax.checkpoint, prevent_cse=False)
     def between_rebuilds(carry, _):

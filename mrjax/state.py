@@ -54,7 +54,12 @@ def place(
     Raises:
       InputError: an array of another shape.
     """
-    position = jnp.asarray(positions, dtype)
+    if jnp.dtype(dtype) not in (jnp.float32, jnp.float64):
+        raise InputError(f"dtype = {jnp.dtype(dtype)}: must be float32 or float64")
+    try:
+        position = jnp.asarray(positions, dtype)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"positions are not an array of numbers: {error}") from None
     if position.ndim != 2 or position.shape[1] != 3 or position.shape[0] == 0:
         raise InputError(
             f"positions have shape {position.shape}; give one row of x, y, z for each particle, "

@@ -72,20 +72,26 @@ def largest_stable_step(
 ) -> Array:
     """Largest step at which contacts of this overlap stay stable, at any drag; s, ().
 
-    A particle of mass m and drag coefficient gamma on a spring K is stable while
+    A particle of mass m and drag coefficient gamma on a spring K with a dashpot c, whose force is
+    taken from the velocity before the step, is stable while
 
-        dt K/gamma tanh(alpha dt / 2) < 2,
+        tanh(alpha dt / 2) (dt K + 2 c) / gamma < 2.
 
-    which max(2 sqrt(m/K), 2 gamma/K) satisfies: the leapfrog's limit without drag, overdamped
-    Euler's with much. K is `arrangement` times the stiffness of one contact (Eq. 25): particles
-    that touch each other move against each other. Infinite where nothing overlaps.
+    The larger of (sqrt(c^2 + 4 m K) - c) / K, which is the leapfrog's limit without drag, and
+    2 (gamma - c) / K, overdamped Euler's with much, satisfies it. K and c are `arrangement` times
+    those of one contact: particles that touch move against each other. Infinite where nothing
+    overlaps.
     """
-    modulus, radius, _ = _pair(parameters)
-    spring = arrangement * contact.stiffness(modulus, radius, overlap)
+    modulus, radius, mass = _pair(parameters)
+    damping = contact.damping_ratio(parameters.restitution)
+    spring = contact.stiffness(modulus, radius, overlap)
     touching = spring > 0.0
-    spring = jnp.where(touching, spring, 1.0)
-    inertial = 2.0 * jnp.sqrt(particle.inertia(parameters) / spring)
-    overdamped = 2.0 * drag.coefficient(parameters) / spring
+    spring = arrangement * jnp.where(touching, spring, 1.0)
+    dashpot = arrangement * contact.damping_coefficient(
+        modulus, radius, mass, overlap, parameters.dissipation, damping
+    )
+    inertial = (jnp.sqrt(dashpot**2 + 4.0 * mass * spring) - dashpot) / spring
+    overdamped = 2.0 * (drag.coefficient(parameters) - dashpot) / spring
     return jnp.min(jnp.where(touching, jnp.maximum(inertial, overdamped), jnp.inf))
 
 

@@ -302,7 +302,11 @@ def test_what_is_traced_is_asked_for(case2):
     [
         ({"duration": -1.0}, r"duration = -1.0 must be a positive number of s"),
         ({"duration": float("nan")}, "duration = nan"),
+        ({"duration": "1"}, "duration = 1 must be a positive number"),
         ({"duration": 1e-8, "frames": 0}, "frames = 0"),
+        ({"duration": 1e-8, "frames": "a"}, "frames = a must be a whole number"),
+        ({"duration": 1e-8, "frames": float("nan")}, "frames = nan"),
+        ({"duration": 1e-8, "skin": -1}, "skin = -1"),
         ({"duration": 1e-8, "time_step": 0.0}, "time_step = 0.0"),
         ({"duration": 1e6}, "more than 2147483647"),
     ],
@@ -377,3 +381,74 @@ def test_a_fast_particle_makes_the_list_rebuild_more_often():
     assert int(coarse.fault) == 0
     # A few more steps may be taken where the interval is cut: second order in a small step.
     np.testing.assert_allclose(coarse.state.velocity, fine.state.velocity, rtol=1e-4)
+
+
+@pytest.mark.parametrize(
+    "damped, rebound",
+    [
+        ({"restitution": 1.0}, 1.0),
+        ({"restitution": 0.2}, 0.2),
+        ({"restitution": 0.01}, 0.01),
+        ({"dissipation": 1e-7}, None),
+    ],
+)
+def test_the_largest_step_named_keeps_damped_impacts_passive(damped, rebound):
+    """A dashpot takes its force from the velocity before the step: too long a step would drive."""
+    state, parameters, box = head_on()
+    parameters = parameters.replace(**damped)
+    with pytest.raises(mrjax.InputError, match="unstable") as refusal:
+        mrjax.simulate(state, parameters, box, duration=1e-5, time_step=1e-6)
+    largest = float(str(refusal.value).split()[-2])
+
+    def returned(step):
+        run = mrjax.simulate(state, parameters, box, duration=5e-6, time_step=step)
+        return float(run.state.velocity[1, 0]) / 0.01
+
+    converged = returned(largest / 16)
+    if rebound is not None:
+        assert converged == pytest.approx(rebound, rel=0.02)
+    assert converged < 0.2 or rebound is not None
+    # A dozen steps to a contact.
+    assert returned(largest) == pytest.approx(converged, rel=0.15)
+
+
+@pytest.mark.parametrize(
+    "leaf, words",
+    [
+        ({"radius": float("nan")}, "radius = nan must be above 0, in m"),
+        ({"radius": -2e-6}, "radius = -2e-06 must be above 0, in m"),
+        ({"radius": [2e-6, 2e-6]}, "radius is a list; give a number or an array"),
+        ({"f_w": np.ones(3)}, r"f_w has shape \(3,\); give one number, or one for each of the 1 "),
+        ({"viscosity": -0.01}, "viscosity = -0.01 must be at least 0, in Pa s"),
+        ({"restitution": 1.5}, "restitution = 1.5 must be above 0, at most 1"),
+        ({"poisson_ratio": 0.7}, "poisson_ratio = 0.7 must be above -1, at most 0.5"),
+        ({"elastic_modulus": np.inf}, "elastic_modulus = inf must be above 0, in Pa"),
+    ],
+)
+def test_parameters_that_describe_nothing_are_refused(one, case2, leaf, words):
+    state, parameters = one
+    with pytest.raises(mrjax.InputError, match=words):
+        mrjax.simulate(state, parameters.replace(**leaf), case2.box, duration=1e-8)
+
+
+@pytest.mark.parametrize(
+    "positions, keywords, words",
+    [
+        ([[1e-6, 2e-6]], {}, "shape"),
+        ([[1e-6, 2e-6, 3e-6], [1e-6]], {}, "not an array of numbers"),
+        ([[1e-6, 2e-6, 3e-6]], {"velocities": [[1.0, 2.0]]}, "velocities have shape"),
+        ([[1e-6, 2e-6, 3e-6]], {"dtype": int}, "must be float32 or float64"),
+    ],
+)
+def test_particles_that_cannot_be_placed(positions, keywords, words):
+    with pytest.raises(mrjax.InputError, match=words):
+        mrjax.place(positions, **keywords)
+
+
+def test_a_run_goes_on_from_the_state_of_another():
+    state, parameters, box = head_on()
+    whole = mrjax.simulate(state, parameters, box, duration=2e-6, frames=2, time_step=1e-9)
+    half = mrjax.simulate(state, parameters, box, duration=1e-6, time_step=1e-9)
+    rest = mrjax.simulate(half.state, parameters, box, duration=1e-6, time_step=1e-9)
+    np.testing.assert_allclose(rest.state.position, whole.state.position, rtol=1e-9)
+    assert rest.state.spin.shape == (2, 3)
