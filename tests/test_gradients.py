@@ -168,3 +168,24 @@ def test_gradient_through_an_elastic_collision_equals_central_differences():
     assert abs(central[3]) > 1e-2  # the bounce depends on the radius: it did happen
     # Rounding, 1e-13 m/s after the bounce, over those steps; the rest is truncation.
     np.testing.assert_allclose(forward, central, rtol=1e-4, atol=1e-8)
+
+
+def test_one_value_for_each_particle_has_a_gradient_of_its_own(case3):
+    """v is the mean of N terminal velocities: d v / d ln f_w of one particle is -v / N."""
+    state, parameters = mrjax.disperse(case3), case3.parameters()
+    step = float(timestep.relaxation_time(parameters))
+    ones = jnp.ones(state.particles)
+
+    def velocity(logs):
+        changed = parameters.replace(
+            f_w=parameters.f_w * jnp.exp(logs["f_w"]), radius=parameters.radius * ones
+        )
+        run = mrjax.simulate(state, changed, case3.box, duration=40 * step, time_step=step)
+        return mrjax.settling_velocity(run)
+
+    origin = {"f_w": 0.0 * ones}
+    value, reverse = jax.value_and_grad(velocity)(origin)
+    np.testing.assert_allclose(reverse["f_w"], -value / len(ones) * np.ones(len(ones)), rtol=1e-9)
+    along = {"f_w": jnp.linspace(-1.0, 2.0, len(ones))}
+    forward = jax.jvp(velocity, (origin,), (along,))[1]
+    assert float(forward) == pytest.approx(float(reverse["f_w"] @ along["f_w"]), rel=1e-9, abs=0)
