@@ -217,7 +217,8 @@ def predictions_figure(result: dict[str, Any]) -> Figure:
             places, [f"{one['sample']}\n{_spelled(one['observable'])}" for one in of_unit]
         )
         axes.set_xlim(-0.6, len(of_unit) - 0.4)
-        axes.set_ylim(bottom=0)
+        highest = max(max(one["measured"] + one["sigma"], one["predicted"]) for one in of_unit)
+        axes.set_ylim(0, 1.15 * highest)  # room above the error bars
         axes.set_ylabel("ratio" if unit == "1" else unit)
     axes.legend(frameon=False)
     return figure
