@@ -5,6 +5,8 @@ from importlib.metadata import version
 from mrjax.box import Box
 from mrjax.disperse import disperse
 from mrjax.errors import InputError, SimulationError
+from mrjax.history import Contacts
+from mrjax.loads import contact_forces
 from mrjax.observe import mudline_descent, reynolds_number, sedimentation_ratio, settling_velocity
 from mrjax.parameters import Parameters
 from mrjax.recipe import Recipe
@@ -18,6 +20,7 @@ __version__ = version("mrjax")
 
 __all__ = [
     "Box",
+    "Contacts",
     "Fault",
     "InputError",
     "Parameters",
@@ -25,6 +28,7 @@ __all__ = [
     "Run",
     "SimulationError",
     "State",
+    "contact_forces",
     "disperse",
     "mudline_descent",
     "place",

@@ -72,7 +72,7 @@ def simulate(
             checks.positive(value, name, "s")
     folder = files.result_folder(Path(out))
     parameters = sheet.parameters()
-    relaxation = float(timestep.relaxation_time(parameters))
+    relaxation = float(timestep.relaxation_time(parameters).max())
     if duration is None:
         duration = 20.0 * relaxation
     notes = list(sheet.notes)
@@ -94,8 +94,8 @@ def simulate(
     summary = {
         "recipe": sheet.name,
         "settling_velocity_mm_per_day": figures.MM_PER_DAY * velocity,
-        "closed_form_mm_per_day": figures.MM_PER_DAY * mrjax.terminal_velocity(parameters),
-        "reynolds_number": mrjax.reynolds_number(velocity, parameters),
+        "closed_form_mm_per_day": figures.MM_PER_DAY * mrjax.terminal_velocity(parameters).mean(),
+        "reynolds_number": mrjax.reynolds_number(velocity, parameters).max(),
         "particles": run.state.particles,
         "volume_fraction": sheet.volume_fraction,
         "coated_volume_fraction": sheet.coated_volume_fraction,
@@ -107,6 +107,7 @@ def simulate(
         "time_step_s": run.time_step,
         "steps": run.steps,
         "deepest_overlap_radii": run.deepest_overlap,
+        "deepest_overlap_coatings": run.coating_overlap,
         "seed": seed,
         "dtype": dtype,
         "notes": notes,

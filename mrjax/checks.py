@@ -10,7 +10,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from mrjax import neighbours
+from mrjax import neighbours, particle
 from mrjax.box import AXES, Box
 from mrjax.concrete import concrete
 from mrjax.errors import InputError
@@ -47,17 +47,23 @@ def whole(value: int, name: str) -> int:
     return int(value)
 
 
-def meaningful(parameters: Parameters, particles: int) -> None:
+def meaningful(parameters: Parameters, particles: int, material: Array | None) -> None:
     """Refuses leaves that describe nothing, where they are known.
 
     Raises:
-      InputError: the first leaf of another shape than () or (N,), or out of its range.
+      InputError: the first leaf of a shape that does not fit, or out of its range.
     """
+    index = None if material is None else concrete(material)
+    if material is not None and material.shape != (particles,):
+        raise InputError(f"materials have shape {material.shape}; give one for each particle")
+    materials = 1 if material is None else None if index is None else int(index.max()) + 1
     for quantity in dataclasses.fields(parameters):
         leaf = getattr(parameters, quantity.name)
         if isinstance(leaf, list | tuple):
-            raise InputError(f"{quantity.name} is a list; give a number or an array of shape (N,)")
-        if np.shape(leaf) not in ((), (particles,)):
+            raise InputError(f"{quantity.name} is a list; give a number or an array")
+        if quantity.metadata["pair"]:
+            _table(leaf, quantity.name, materials)
+        elif np.shape(leaf) not in ((), (particles,)):
             raise InputError(
                 f"{quantity.name} has shape {np.shape(leaf)}; give one number, or one for each of "
                 f"the {particles} particles"
@@ -79,6 +85,23 @@ def meaningful(parameters: Parameters, particles: int) -> None:
             )
 
 
+def _table(leaf: ArrayLike, name: str, materials: int | None) -> None:
+    """Refuses what is neither one number nor a table of materials, the walls last."""
+    shape = np.shape(leaf)
+    if shape == ():
+        return
+    square = len(shape) == 2 and shape[0] == shape[1] and shape[0] >= 2
+    if not square or materials not in (None, shape[0] - 1):
+        wanted = "" if materials is None else f", here {(materials + 1,) * 2}"
+        raise InputError(
+            f"{name} has shape {shape}; give one number, or a table with a row and a column for "
+            f"each material and a last one for the walls{wanted}"
+        )
+    values = concrete(leaf)
+    if values is not None and not np.array_equal(values, values.T):
+        raise InputError(f"{name} differs between a pair of materials and the same pair reversed")
+
+
 def inside_walls(position: np.ndarray | None, box: Box) -> None:
     """Refuses particles whose centre is beyond a wall; positions (N, 3) in m, None if traced.
 
@@ -92,6 +115,20 @@ def inside_walls(position: np.ndarray | None, box: Box) -> None:
             raise InputError(
                 f"particle {row} is at {AXES[axis]} = {position[row, axis]:.4g} m, outside the "
                 f"walls at 0 and {box.size[axis]:.4g} m; move it inside or make the axis periodic"
+            )
+
+
+def between_walls(box: Box, diameter: float) -> None:
+    """Refuses walls so close that a particle of this diameter, m, would touch both at once.
+
+    Raises:
+      InputError: the first such axis.
+    """
+    for axis in box.walled_axes:
+        if box.size[axis] <= diameter:
+            raise InputError(
+                f"box size = {box.size[axis]:.4g} m along {AXES[axis]} is not larger than a "
+                f"particle of {diameter:.4g} m; give a larger box"
             )
 
 
@@ -128,10 +165,12 @@ def may_touch(position: np.ndarray | None, radius: np.ndarray, box: Box, travel:
     if 2 * unit + travel > min(box.size):
         return True
     scaled = box.scaled(1 / unit)
-    in_reach = neighbours.plan(scaled, len(position), 2.0, 2.0 * radius.min() / unit, travel / unit)
+    in_reach = neighbours.plan(
+        scaled, len(position), 2.0, particle.typical_diameter(radius) / unit, travel / unit
+    )
     with jax.ensure_compile_time_eval():
         gap, overflow = _smallest_gap(
-            jnp.asarray(position / unit), jnp.asarray(radius / unit), in_reach, scaled
+            jnp.asarray(position / unit, float), jnp.asarray(radius / unit), in_reach, scaled
         )
     return bool(overflow) or float(gap) * unit <= travel
 

@@ -120,6 +120,18 @@ def damping_coefficient(
     return 2 / 3 * spring * dissipation + damping * jnp.sqrt(10 / 3 * mass * spring)
 
 
+def roots(overlap: ArrayLike, radius: ArrayLike) -> tuple[Array, Array]:
+    """d^(1/2) and d^(1/4) of an overlap, rounded off (`ROUNDING`); zero where surfaces are apart.
+
+    Args:
+      overlap: d, m.
+      radius: R*, m.
+    """
+    depth = jnp.maximum(overlap, 0.0)
+    half_power = jnp.sqrt(depth + ROUNDING * radius)
+    return depth / half_power, depth / (half_power * jnp.sqrt(half_power))
+
+
 def normal_force(
     overlap: ArrayLike,
     closing_speed: ArrayLike,
@@ -142,12 +154,8 @@ def normal_force(
       dissipation: A of Eq. 4, s. Gives a restitution that falls with the impact speed.
       damping: z of `damping_ratio`. Gives a restitution that does not.
     """
-    depth = jnp.maximum(overlap, 0.0)
-    rounded = depth + ROUNDING * radius
-    half_power = jnp.sqrt(rounded)
-    root = depth / half_power
+    root, fourth_root = roots(overlap, radius)
     hertz = 4.0 / 3.0 * modulus * jnp.sqrt(radius)
-    elastic = hertz * root * (depth + dissipation * closing_speed)
-    fourth_root = depth / (half_power * jnp.sqrt(half_power))
+    elastic = hertz * root * (jnp.maximum(overlap, 0.0) + dissipation * closing_speed)
     viscous = damping * jnp.sqrt(5.0 * mass * hertz) * fourth_root * closing_speed
     return jnp.maximum(elastic + viscous, 0.0)

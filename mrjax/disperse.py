@@ -69,7 +69,9 @@ def _spread(key: Array, box: Box, radius: Array) -> Array | None:
     position = margin[None, :] * radius[:, None] + room * (
         size[None, :] - 2.0 * margin[None, :] * radius[:, None]
     )
-    plan = neighbours.plan(box, radius.shape[0], 2.0, 2.0 * float(radius.min()), SKIN)
+    plan = neighbours.plan(
+        box, radius.shape[0], 2.0, particle.typical_diameter(np.asarray(radius)), SKIN
+    )
     for _ in range(MOST_REBUILDS):
         while True:
             moved, gap, overflow = _relax(position, radius, box, plan)

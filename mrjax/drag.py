@@ -30,6 +30,18 @@ def coefficient(parameters: Parameters) -> Array:
     return 6.0 * jnp.pi * corrections * carrier_viscosity(parameters) * outer_radius(parameters)
 
 
+def rotational_coefficient(parameters: Parameters) -> Array:
+    """8 pi f_w f_s f_v (f_r R)^3 mu, drag torque over spin; N m s, () or (N,).
+
+    Exact for one sphere, f_w = f_s = 1. f_v holds for spin as it does for velocity; that f_w and
+    f_s do is an assumption: neighbours hinder the spin of a sphere less than its fall. It matters
+    little, as the spins of a settling suspension come from its contacts.
+    """
+    corrections = parameters.f_w * parameters.f_s
+    around = outer_radius(parameters) ** 3
+    return 8.0 * jnp.pi * corrections * carrier_viscosity(parameters) * around
+
+
 def carrier_viscosity(parameters: Parameters) -> Array:
     """f_v mu, the viscosity of the fluid with its additives; Pa s."""
     return parameters.f_v * parameters.viscosity

@@ -17,7 +17,7 @@ def settling(run: Run, parameters: Parameters) -> Figure:
 
     Args:
       run: a plain, finished run.
-      parameters: of the run, equal for all its particles.
+      parameters: of the run.
     """
     run.check()
     times = np.asarray(run.times, float)
@@ -26,7 +26,7 @@ def settling(run: Run, parameters: Parameters) -> Figure:
     smooth = np.linspace(0.0, times[-1], 200)
     velocity.plot(
         smooth,
-        MM_PER_DAY * np.asarray(theory.free_fall_velocity(parameters, smooth)),
+        MM_PER_DAY * np.mean(theory.free_fall_velocity(parameters, smooth[:, None]), axis=1),
         color="0.6",
         label="Eq. 27, same factors",
     )

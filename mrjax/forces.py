@@ -1,115 +1,234 @@
-"""The sum of forces on every particle, all but the drag (Son 2018, Eqs. 2 and 19).
+"""The sum of forces and torques on every particle, all but the drag (Son 2018, Eqs. 2 and 19).
 
-The drag is linear in the velocity and integrated exactly by the leapfrog. Arrays are kept apart by
-component and by neighbour slot, (K, N): on a CPU that is worth 3 to 4 times over (N, K, 3).
+The drag is linear in velocity and spin, and integrated exactly by the leapfrog. Arrays are kept
+apart by component and by contact slot, (S, N), K for the listed partners and W for the walls: on
+a CPU that is worth 3 to 4 times over (N, S, 3).
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jax import Array
+from jax.core import Tracer
 
-from mrjax import contact, particle
+from mrjax import contact, friction, history, pairs, particle, rolling
 from mrjax.box import Box
+from mrjax.concrete import concrete
+from mrjax.history import Memory
 from mrjax.neighbours import Neighbours
+from mrjax.pairs import Surfaces
 from mrjax.parameters import Parameters, per_particle
+from mrjax.vectors import Vector, cross, dot, plus, times
 
-Force = Callable[[Array, Array, Array, Neighbours], tuple[Array, Array]]
+
+@dataclass(frozen=True)
+class Laws:
+    """Which tangential laws a run needs; without friction there is nothing to remember."""
+
+    sliding: bool
+    rolling: bool
 
 
-def total(parameters: Parameters, box: Box, particles: int) -> Force:
+def laws(parameters: Parameters) -> Laws:
+    """Those whose coefficient is not known to be zero, or whose derivative may be wanted."""
+
+    def acts(coefficient: Array) -> bool:
+        return isinstance(coefficient, Tracer) or bool(concrete(coefficient).any())
+
+    return Laws(acts(parameters.friction), acts(parameters.rolling_friction))
+
+
+class Loads(NamedTuple):
+    """What acts on every particle at one moment."""
+
+    force: Array  # N, (3, N)
+    torque: Array  # N m, (3, N)
+    memory: Memory
+    overlap: Array  # deepest of each particle, m; negative where it touches nothing; (N,)
+
+
+Law = Callable[[Array, Array, Array, Memory], Loads]
+
+
+def total(
+    parameters: Parameters,
+    box: Box,
+    particles: int,
+    *,
+    laws: Laws,
+    material: Array | None = None,
+    time_step: float = 1.0,
+) -> Callable[[Array, Neighbours], Law]:
     """The force law of a run, with all that does not change during it computed once.
 
+    Args:
+      parameters, box: in one coherent system of units.
+      particles: N.
+      laws: those that act.
+      material: of each particle, (N,); None where all are of one.
+      time_step: by which the contacts' memory advances at every evaluation.
+
     Returns:
-      force(reference, displacement, velocity, neighbours), the first three (3, N): positions when
-      the neighbours were listed, what has been travelled since, and velocities. It gives the
-      forces, (3, N), and the deepest overlap as a fraction of the particle's radius, ().
+      law(reference, neighbours) for the positions of a neighbour list, (3, N). It returns
+      loads(displacement, velocity, spin, memory): what has been travelled since, velocities and
+      spins, (3, N) each, and the memory of the contacts.
     """
     radius = per_particle(particle.outer_radius(parameters), particles)
     weight = per_particle(particle.net_weight(parameters), particles)
-    between_particles = _between_particles(parameters, radius)
-    from_walls = _from_walls(parameters, box, radius)
+    pull = jnp.stack([jnp.zeros_like(weight), jnp.zeros_like(weight), -weight])
+    at_wall = pairs.with_walls(parameters, material)
 
-    def force(reference, displacement, velocity, neighbours):
-        repulsion, overlap = between_particles(displacement, velocity, neighbours)
-        support, wall_overlap = from_walls(reference + displacement, velocity)
-        pull = jnp.stack([jnp.zeros_like(weight), jnp.zeros_like(weight), -weight])
-        return pull + repulsion + support, jnp.maximum(overlap, wall_overlap)
+    def law(reference: Array, neighbours: Neighbours) -> Law:
+        between = pairs.between_particles(parameters, material, neighbours.partner)
+        surfaces = pairs.joined(between, at_wall, len(neighbours.partner), len(box.walled_axes))
 
-    return force
+        def loads(displacement, velocity, spin, memory: Memory) -> Loads:
+            meeting = _with_partners(displacement, velocity, spin, neighbours, radius)
+            if box.walled_axes:
+                at = _with_walls(reference + displacement, velocity, spin, box, radius)
+                meeting = jax.tree.map(lambda *both: jnp.concatenate(both), meeting, at)
+            acting, turning, slid, rolled = _contact(meeting, surfaces, memory, laws, time_step)
+            return Loads(
+                pull + _summed(acting),
+                jnp.zeros_like(pull) if turning is None else _summed(turning),
+                Memory(memory.partner, slid, rolled),
+                jnp.max(meeting.overlap, axis=0, initial=-jnp.inf),
+            )
 
+        return loads
 
-def _between_particles(parameters: Parameters, radius: Array):
-    inertia = particle.inertia(parameters)
-    damping = contact.damping_ratio(parameters.restitution)
-
-    def force(displacement: Array, velocity: Array, neighbours: Neighbours):
-        partner, present = neighbours.partner, neighbours.present
-
-        def pair(leaf: Array) -> tuple[Array, Array]:
-            return (leaf, leaf) if jnp.ndim(leaf) == 0 else (leaf[None, :], leaf[partner])
-
-        def mean(leaf: Array) -> Array:
-            mine, theirs = pair(leaf)
-            return 0.5 * (mine + theirs)
-
-        def difference(component: Array) -> Array:
-            return component[None, :] - component[partner]
-
-        apart = [
-            separation + difference(moved)
-            for separation, moved in zip(neighbours.separation, displacement, strict=True)
-        ]
-        square = sum(component**2 for component in apart)
-        distance = jnp.sqrt(jnp.where(present & (square > 0.0), square, 1.0))
-        normal = [component / distance for component in apart]
-        approach = -sum(
-            difference(component) * along for component, along in zip(velocity, normal, strict=True)
-        )
-        mine, theirs = pair(radius)
-        overlap = jnp.where(present, mine + theirs - distance, -mine)
-        modulus_i, modulus_j = pair(parameters.elastic_modulus)
-        poisson_i, poisson_j = pair(parameters.poisson_ratio)
-        size = contact.normal_force(
-            overlap,
-            approach,
-            contact.effective_modulus(modulus_i, poisson_i, modulus_j, poisson_j),
-            contact.harmonic(mine, theirs),
-            contact.harmonic(*pair(inertia)),
-            mean(parameters.dissipation),
-            mean(damping),
-        )
-        deepest = jnp.max(overlap / radius[None, :], initial=0.0)
-        return jnp.stack([jnp.sum(size * along, axis=0) for along in normal]), deepest
-
-    return force
+    return law
 
 
-def _from_walls(parameters: Parameters, box: Box, radius: Array):
-    inertia = particle.inertia(parameters)
-    damping = contact.damping_ratio(parameters.restitution)
-    modulus = contact.effective_modulus(
-        parameters.elastic_modulus,
-        parameters.poisson_ratio,
-        parameters.wall_elastic_modulus,
-        parameters.wall_poisson_ratio,
+class Meeting(NamedTuple):
+    """The geometry and motion of contacts at one moment; (S, N) for S slots."""
+
+    overlap: Array  # d, negative where apart
+    arm: Array  # from the centre to the middle of the overlap, m
+    normal: Vector  # from the partner to the particle
+    closing: Array  # d', m/s
+    turning: Vector  # d normal/dt, 1/s
+    twisting: Array  # mean spin of both about the normal, rad/s
+    slip: Vector  # velocity of the surface along the partner's, m/s
+    rolling: Vector  # spin relative to the partner's, without its part along the normal, rad/s
+
+
+def _with_partners(
+    displacement: Array, velocity: Array, spin: Array, neighbours: Neighbours, radius: Array
+) -> Meeting:
+    partner, present = neighbours.partner, neighbours.present
+
+    def difference(components: Array) -> Vector:
+        return tuple(component[None, :] - component[partner] for component in components)
+
+    apart = plus(neighbours.separation, 1.0, difference(displacement))
+    square = dot(apart, apart)
+    distance = jnp.sqrt(jnp.where(present & (square > 0.0), square, 1.0))
+    normal = times(1.0 / distance, apart)
+    mine, theirs = radius[None, :], radius[partner]
+    overlap = jnp.where(present, mine + theirs - distance, -mine)
+    arm, their_arm = mine - 0.5 * overlap, theirs - 0.5 * overlap
+    velocity = difference(velocity)
+    closing = -dot(velocity, normal)
+    along = plus(velocity, closing, normal)
+    my_spin = tuple(component[None, :] for component in spin)
+    their_spin = tuple(component[partner] for component in spin)
+    of_surfaces = plus(times(arm, my_spin), their_arm, their_spin)
+    relative = plus(my_spin, -1.0, their_spin)
+    return Meeting(
+        overlap,
+        arm,
+        normal,
+        closing,
+        times(1.0 / distance, along),
+        0.5 * dot(plus(my_spin, 1.0, their_spin), normal),
+        plus(along, -1.0, cross(of_surfaces, normal)),
+        plus(relative, -dot(relative, normal), normal),
     )
 
-    def push(overlap: Array, approach: Array) -> Array:
-        return contact.normal_force(
-            overlap, approach, modulus, radius, inertia, parameters.dissipation, damping
+
+def _with_walls(position: Array, velocity: Array, spin: Array, box: Box, radius: Array) -> Meeting:
+    """The nearer wall of every walled axis, which mirrors the particle: the arm is R - d/2."""
+    axes = box.walled_axes
+    distance, inward = [], []
+    for axis in axes:
+        far = position[axis] > 0.5 * box.size[axis]
+        distance.append(jnp.where(far, box.size[axis] - position[axis], position[axis]))
+        inward.append(jnp.where(far, -1.0, 1.0).astype(radius.dtype))
+    overlap = radius[None, :] - jnp.stack(distance)
+    nothing = jnp.zeros_like(radius)
+    normal = tuple(
+        jnp.stack([inward[row] if axis == along else nothing for row, axis in enumerate(axes)])
+        for along in range(3)
+    )
+    arm = radius[None, :] - 0.5 * overlap
+    velocity, spin = (tuple(part[None, :] for part in moving) for moving in (velocity, spin))
+    closing = -dot(velocity, normal)
+    along = plus(velocity, closing, normal)
+    twisting = dot(spin, normal)
+    return Meeting(
+        overlap,
+        arm,
+        normal,
+        closing,
+        (jnp.zeros_like(overlap),) * 3,
+        0.5 * twisting,
+        plus(along, -1.0, times(arm, cross(spin, normal))),
+        plus(spin, -twisting, normal),
+    )
+
+
+def _contact(
+    meeting: Meeting, surfaces: Surfaces, memory: Memory, laws: Laws, time_step: float
+) -> tuple[Vector, Vector | None, Vector | None, Vector | None]:
+    """Force and torque on the particle in every slot, and what the contacts remember."""
+    normal = meeting.normal
+    push = contact.normal_force(
+        meeting.overlap,
+        meeting.closing,
+        surfaces.modulus,
+        surfaces.radius,
+        surfaces.mass,
+        surfaces.dissipation,
+        surfaces.damping,
+    )
+    force, torque, slid, rolled = times(push, normal), None, memory.sliding, memory.rolling
+    turn, twist = times(time_step, meeting.turning), time_step * meeting.twisting
+    if laws.sliding:
+        stretch = plus(history.turned(slid, normal, turn, twist), time_step, meeting.slip)
+        grip, slid = friction.tangential_force(
+            stretch,
+            meeting.slip,
+            meeting.overlap,
+            push,
+            shear_modulus=surfaces.shear_modulus,
+            radius=surfaces.radius,
+            mass=surfaces.mass,
+            friction=surfaces.friction,
+            dissipation=surfaces.tangential_dissipation,
+            damping=surfaces.damping,
         )
+        force = plus(force, 1.0, grip)
+        torque = times(-meeting.arm, cross(normal, grip))
+    if laws.rolling:
+        roll = plus(history.turned(rolled, normal, turn, twist), time_step, meeting.rolling)
+        resistance, rolled = rolling.rolling_torque(
+            roll,
+            meeting.rolling,
+            meeting.overlap,
+            push,
+            modulus=surfaces.modulus,
+            radius=surfaces.radius,
+            inertia=surfaces.rolling_inertia,
+            friction=surfaces.rolling_friction,
+            damping=surfaces.rolling_damping,
+        )
+        torque = resistance if torque is None else plus(torque, 1.0, resistance)
+    return force, torque, slid, rolled
 
-    def force(position: Array, velocity: Array):
-        components, deepest = [], jnp.zeros((), position.dtype)
-        for axis in range(3):
-            if box.periodic[axis]:
-                components.append(jnp.zeros_like(radius))
-                continue
-            near = radius - position[axis]
-            far = radius + position[axis] - box.size[axis]
-            components.append(push(near, -velocity[axis]) - push(far, velocity[axis]))
-            deepest = jnp.maximum(deepest, jnp.max(jnp.maximum(near, far) / radius))
-        return jnp.stack(components), deepest
 
-    return force
+def _summed(vector: Vector) -> Array:
+    return jnp.stack([jnp.sum(component, axis=0) for component in vector])

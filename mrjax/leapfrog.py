@@ -30,9 +30,24 @@ class Kick(NamedTuple):
 
 def kick(parameters: Parameters, time_step: float) -> Kick:
     """The coefficients of a step; finite and differentiable in the limits of no and full drag."""
-    inertia = particle.inertia(parameters)
-    decay = drag.coefficient(parameters) / inertia * time_step
+    return _kick(drag.coefficient(parameters), particle.inertia(parameters), time_step)
+
+
+def spin_kick(parameters: Parameters, time_step: float) -> Kick:
+    """The same for spins and torques: spin -> keep spin + gain torque, gain in s/(kg m^2)."""
+    moment = particle.moment_of_inertia(parameters)
+    return _kick(drag.rotational_coefficient(parameters), moment, time_step)
+
+
+def _kick(resistance: Array, inertia: Array, time_step: float) -> Kick:
+    decay = resistance / inertia * time_step
     return Kick(jnp.exp(-decay), mean_decay(decay) * time_step / inertia)
+
+
+def kicked(velocity: Array, acting: Array, kick: Kick) -> Array:
+    """Velocities after a step under forces, or spins under torques; (3, N)."""
+    keep, gain = jnp.atleast_2d(kick.keep), jnp.atleast_2d(kick.gain)
+    return keep * velocity + gain * acting
 
 
 def mean_decay(exponent: Array) -> Array:
@@ -66,6 +81,5 @@ def step(
     """
     half_way = position + 0.5 * time_step * velocity
     acting, noted = force(half_way, velocity)
-    keep, gain = jnp.atleast_2d(kick.keep), jnp.atleast_2d(kick.gain)
-    velocity = keep * velocity + gain * acting
+    velocity = kicked(velocity, acting, kick)
     return half_way + 0.5 * time_step * velocity, velocity, noted

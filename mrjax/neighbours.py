@@ -61,25 +61,27 @@ class Neighbours:
 
 
 def plan(
-    box: Box, particles: int, largest_diameter: float, smallest_diameter: float, skin: float
+    box: Box, particles: int, largest_diameter: float, typical_diameter: float, skin: float
 ) -> Plan:
-    """A plan with room for the densest bed that these particles can form.
+    """A plan with room for the densest bed that such particles usually form.
 
     Args:
       box: the container, in the unit of the diameters.
       particles: N.
-      largest_diameter, smallest_diameter: of the particles that touch.
+      largest_diameter: of the particles that touch.
+      typical_diameter: of the volume of a mean particle. Where sizes differ much, more may gather
+        around a large one than there is room for, and the plan must be `grown`.
       skin: distance beyond contact up to which pairs are listed.
     """
     cutoff = largest_diameter + skin
     # Cells beyond eight for each particle only cost memory.
     cell = max(cutoff, (box.volume / (8 * particles)) ** (1 / 3))
-    smallest = smallest_diameter / 2
+    typical = typical_diameter / 2
     # Half of the volume that partners can reach into, random packing, less the particle itself.
-    reach = (cutoff + smallest) ** 3 - (largest_diameter / 2) ** 3
-    capacity = math.ceil(0.5 * reach / smallest**3)
+    reach = (cutoff + typical) ** 3 - (largest_diameter / 2) ** 3
+    capacity = math.ceil(0.5 * reach / typical**3)
     # Packed spheres that a cube can hold the centres of.
-    in_cell = math.ceil(0.7 * (cell / smallest_diameter + 1) ** 3)
+    in_cell = math.ceil(0.7 * (cell / typical_diameter + 1) ** 3)
     return Plan(
         cutoff=cutoff,
         cell=cell,

@@ -1,6 +1,7 @@
 """The physical quantities every law reads: one pytree of SI values, any of which can be fitted.
 
-A leaf is one number for all particles, shape (), or one number for each, shape (N,).
+A leaf is one number for all particles, shape (), or one number for each, shape (N,); what belongs
+to a pair of surfaces is one number, or a table by material.
 Nothing is validated here: the leaves are traced by jit, grad and vmap. `Recipe` validates.
 """
 
@@ -25,10 +26,14 @@ def _quantity(
     above: float = -math.inf,
     least: float = -math.inf,
     most: float = sys.float_info.max,
+    pair: bool = False,
     **keywords,
 ):
-    """A leaf with its unit, its dimension in kg, m and s, and the values that have a meaning."""
-    metadata = {"unit": unit, "dimension": (mass, length, time)}
+    """A leaf with its unit, its dimension in kg, m and s, and the values that have a meaning.
+
+    `pair`: it belongs to two surfaces, not to one.
+    """
+    metadata = {"unit": unit, "dimension": (mass, length, time), "pair": pair}
     return field(metadata={**metadata, "above": above, "least": least, "most": most}, **keywords)
 
 
@@ -36,6 +41,11 @@ def _quantity(
 @dataclass(frozen=True, kw_only=True)
 class Parameters:
     """Particles, fluid, coating, contact and drag factors of one suspension; shapes () or (N,).
+
+    What belongs to two surfaces in contact (`friction`, `restitution`, `dissipation`,
+    `tangential_dissipation`, `rolling_friction`, `rolling_damping`) is one number for all pairs,
+    shape (), or a symmetric table by the materials of `State.material`, the walls last: shape
+    (M + 1, M + 1) for M materials of particles.
 
     `elastic_modulus` and `poisson_ratio` belong to the surface in contact: to the coating where
     there is one (Son 2018, section 2.4). With no fluid in the way (`viscosity=0, gravity=0`) the
@@ -60,12 +70,18 @@ class Parameters:
     """E of the walls; infinite for rigid ones."""
     wall_poisson_ratio: ArrayLike = _quantity("1", default=0.0, above=-1.0, most=0.5)
     """nu of the walls."""
-    friction: ArrayLike = _quantity("1", default=0.0, least=0.0)
-    """Coulomb's coefficient. Carried for the tangential law; the normal law does not read it."""
-    restitution: ArrayLike = _quantity("1", default=1.0, above=0.0, most=1.0)
+    friction: ArrayLike = _quantity("1", default=0.0, least=0.0, pair=True)
+    """mu, Coulomb's coefficient."""
+    restitution: ArrayLike = _quantity("1", default=1.0, above=0.0, most=1.0, pair=True)
     """Rebound speed over impact speed of a dry normal impact, 0 < e <= 1."""
-    dissipation: ArrayLike = _quantity("s", time=1, default=0.0, least=0.0)
+    dissipation: ArrayLike = _quantity("s", time=1, default=0.0, least=0.0, pair=True)
     """A of Eq. 4."""
+    tangential_dissipation: ArrayLike = _quantity("s", time=1, default=0.0, least=0.0, pair=True)
+    """B of Eq. 7."""
+    rolling_friction: ArrayLike = _quantity("1", default=0.0, least=0.0, pair=True)
+    """mu_r, largest torque against rolling over normal force and R*; 0 for perfect spheres."""
+    rolling_damping: ArrayLike = _quantity("1", default=0.0, least=0.0, pair=True)
+    """h_r, fraction of critical damping of rolling; without effect where mu_r = 0."""
     gravity: ArrayLike = _quantity("m/s^2", length=1, time=-2, default=9.81)
     """g, along -z."""
     added_mass: ArrayLike = _quantity("1", default=0.5, least=0.0)

@@ -4,6 +4,7 @@ The only reader of `f_r`. Every function takes `Parameters` and returns shape ()
 """
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 from mrjax.parameters import Parameters
@@ -12,6 +13,11 @@ from mrjax.parameters import Parameters
 def outer_radius(parameters: Parameters) -> Array:
     """f_r R, where fluid and other particles begin; m."""
     return parameters.f_r * parameters.radius
+
+
+def typical_diameter(radius: np.ndarray) -> float:
+    """Diameter of the sphere of mean volume; in the unit of the radii, () or (N,)."""
+    return 2.0 * float(np.mean(radius**3)) ** (1 / 3)
 
 
 def core_volume(parameters: Parameters) -> Array:
@@ -38,6 +44,20 @@ def apparent_density(parameters: Parameters) -> Array:
 def inertia(parameters: Parameters) -> Array:
     """M + m_a of Eqs. 2 and 19, with the added mass of Eqs. 11 and 21; kg."""
     return mass(parameters) + parameters.added_mass * displaced_mass(parameters)
+
+
+def moment_of_inertia(parameters: Parameters) -> Array:
+    """8/15 pi (rho_p + rho_c (f_r^5 - 1)) R^5 of core and shell about the centre; kg m^2.
+
+    A sphere that spins carries no fluid along: there is no added moment of inertia.
+    """
+    shell = parameters.coating_density * (parameters.f_r**5 - 1.0)
+    return 8.0 / 15.0 * jnp.pi * (parameters.particle_density + shell) * parameters.radius**5
+
+
+def coating_thickness(parameters: Parameters) -> Array:
+    """(f_r - 1) R, of the layer on the core; m."""
+    return (parameters.f_r - 1.0) * parameters.radius
 
 
 def net_weight(parameters: Parameters) -> Array:

@@ -11,14 +11,16 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import jax
+import numpy as np
 from jax.typing import DTypeLike
-from pydantic import BeforeValidator, Field, field_validator, model_validator
+from pydantic import BeforeValidator, Field, SkipValidation, field_validator, model_validator
 
-from mrjax import drag, sheets
+from mrjax import drag, sheets, sizes
 from mrjax.box import AXES, Box
 from mrjax.errors import InputError
 from mrjax.parameters import Parameters
 from mrjax.sheets import Sheet
+from mrjax.sizes import Sizes
 
 RANDOM_CLOSE_PACKING = 0.64
 """Volume fraction above which equal spheres cannot be dispersed (Desmond & Weeks, 0903.0864)."""
@@ -30,11 +32,29 @@ MOST_PARTICLES = 10**8
 """More than a machine can hold: a box in micrometres, taken for metres."""
 
 
+def _above_zero(key: str, value: object, what: str = "a number") -> float:
+    number = isinstance(value, int | float) and not isinstance(value, bool)
+    if not number or not 0 < value < math.inf:
+        raise ValueError(f"{key} = {value!r}: must be {what} above zero, finite")
+    return float(value)
+
+
+def _diameter(value: Any) -> float | Sizes:
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return _above_zero("particle.diameter", value, "the diameter in m")
+    try:
+        return sizes.of(value)
+    except InputError as error:
+        raise ValueError(f"particle.diameter.{error}") from None
+
+
 class Particle(Sheet):
     """The uncoated particle."""
 
     density: float = Field(gt=0, description="the density in kg/m^3, above zero")
-    diameter: float = Field(gt=0, description="the mean diameter in m, above zero")
+    diameter: Annotated[SkipValidation[float | Sizes], BeforeValidator(_diameter)] = Field(
+        description="the diameter in m, a list of them, or a table of a distribution"
+    )
     elastic_modulus: float = Field(gt=0, description="the elastic modulus in Pa, above zero")
     poisson_ratio: float = Field(gt=-1, le=0.5, description="Poisson's ratio, -1 to 0.5")
 
@@ -56,10 +76,23 @@ class Coating(Sheet):
 
 
 class Wall(Sheet):
-    """The walls; left out, of the same material as the surfaces of the particles."""
+    """The walls; what is left out is as for the surfaces of the particles."""
 
-    elastic_modulus: float = Field(gt=0, description="the elastic modulus in Pa, above zero")
-    poisson_ratio: float = Field(gt=-1, le=0.5, description="Poisson's ratio, -1 to 0.5")
+    elastic_modulus: float | None = Field(
+        default=None, gt=0, description="the elastic modulus in Pa, above zero"
+    )
+    poisson_ratio: float | None = Field(
+        default=None, gt=-1, le=0.5, description="Poisson's ratio, -1 to 0.5"
+    )
+    friction: float | None = Field(
+        default=None, ge=0, description="Coulomb's coefficient on the walls, at least 0"
+    )
+    restitution: float | None = Field(
+        default=None, gt=0, le=1, description="rebound over impact speed at a wall, above 0 to 1"
+    )
+    rolling_friction: float | None = Field(
+        default=None, ge=0, description="the coefficient of rolling on the walls, at least 0"
+    )
 
 
 class Composition(Sheet):
@@ -146,13 +179,6 @@ class Drag(Sheet):
         return [largest, medium, smallest]
 
 
-def _above_zero(key: str, value: object, what: str = "a number") -> float:
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not number or not 0 < value < math.inf:
-        raise ValueError(f"{key} = {value!r}: must be {what} above zero, finite")
-    return float(value)
-
-
 class Contact(Sheet):
     """What happens when particles touch."""
 
@@ -161,6 +187,15 @@ class Contact(Sheet):
         default=1.0, gt=0, le=1, description="rebound over impact speed when dry, above 0 to 1"
     )
     dissipation: float = Field(default=0.0, ge=0, description="A of Eq. 4 in s, at least 0")
+    tangential_dissipation: float = Field(
+        default=0.0, ge=0, description="B of Eq. 7 in s, at least 0"
+    )
+    rolling_friction: float = Field(
+        default=0.0, ge=0, description="the coefficient of rolling friction, at least 0"
+    )
+    rolling_damping: float = Field(
+        default=0.0, ge=0, description="the fraction of critical damping of rolling, at least 0"
+    )
 
 
 def _box(table: Any) -> Box:
@@ -229,7 +264,28 @@ class Recipe(Sheet):
     @property
     def particle_count(self) -> int:
         """N in the box, to the nearest whole number."""
-        return round(self.volume_fraction * self.box.volume / self._core_volume)
+        volume = self.volume_fraction * self.box.volume * 6.0 / math.pi
+        diameter = self.particle.diameter
+        if isinstance(diameter, float):
+            return round(volume / diameter**3)
+        count = round(volume / diameter.mean_cube)
+        # The largest of few particles are smaller than those of many.
+        for _ in range(3 if 0 < count <= MOST_PARTICLES else 0):
+            count = max(1, round(volume / np.mean(diameter.sample(count) ** 3)))
+        return count
+
+    @property
+    def diameters(self) -> np.ndarray:
+        """Diameters of the uncoated particles in the box, (N,) in m; ascending."""
+        diameter = self.particle.diameter
+        if isinstance(diameter, float):
+            return np.full(self.particle_count, diameter)
+        return diameter.sample(self.particle_count)
+
+    @property
+    def largest_diameter(self) -> float:
+        """Of the coated particles, m."""
+        return float(self.diameters.max(initial=0.0)) * self.radius_factor
 
     @property
     def apparent_density(self) -> float:
@@ -274,25 +330,38 @@ class Recipe(Sheet):
         ]
 
     def parameters(self, dtype: DTypeLike = float) -> Parameters:
-        """The physical quantities every law reads: a pytree of scalars in SI units.
+        """The physical quantities every law reads: a pytree in SI units.
+
+        Leaves have shape (); the radius (N,) where sizes are distributed, and what belongs to two
+        surfaces (2, 2) where it differs between particles and walls.
 
         Args:
           dtype: of the leaves; `float` is JAX's default.
         """
         surface = self.coating or self.particle
-        wall = self.wall or surface
-        return Parameters(
-            radius=self.particle.diameter / 2,
+        wall = self.wall or Wall()
+        diameter, touch = self.particle.diameter, self.contact
+
+        def table(between: float, at_wall: float | None) -> float | np.ndarray:
+            if at_wall is None or at_wall == between:
+                return between
+            return np.array([[between, at_wall], [at_wall, at_wall]])
+
+        parameters = Parameters(
+            radius=(diameter if isinstance(diameter, float) else self.diameters) / 2,
             particle_density=self.particle.density,
             fluid_density=self.fluid.density,
             viscosity=self.fluid.viscosity,
             elastic_modulus=surface.elastic_modulus,
             poisson_ratio=surface.poisson_ratio,
-            wall_elastic_modulus=wall.elastic_modulus,
-            wall_poisson_ratio=wall.poisson_ratio,
-            friction=self.contact.friction,
-            restitution=self.contact.restitution,
-            dissipation=self.contact.dissipation,
+            wall_elastic_modulus=_or(wall.elastic_modulus, surface.elastic_modulus),
+            wall_poisson_ratio=_or(wall.poisson_ratio, surface.poisson_ratio),
+            friction=table(touch.friction, wall.friction),
+            restitution=table(touch.restitution, wall.restitution),
+            dissipation=touch.dissipation,
+            tangential_dissipation=touch.tangential_dissipation,
+            rolling_friction=table(touch.rolling_friction, wall.rolling_friction),
+            rolling_damping=touch.rolling_damping,
             gravity=self.gravity,
             added_mass=self.drag.added_mass,
             # Without a coating the layer that f_r would add is one of fluid.
@@ -301,11 +370,9 @@ class Recipe(Sheet):
             f_s=self.f_s,
             f_v=self.drag.f_v,
             f_r=self.radius_factor,
-        ).astype(dtype)
-
-    @property
-    def _core_volume(self) -> float:
-        return 4.0 / 3.0 * math.pi * (self.particle.diameter / 2) ** 3
+        )
+        with jax.ensure_compile_time_eval():
+            return parameters.astype(dtype)
 
     @model_validator(mode="after")
     def _can_be_made(self):
@@ -328,15 +395,16 @@ class Recipe(Sheet):
                     "7.47 g/cm^3 is 7470"
                 )
         for name, table in materials.items():
-            if table.elastic_modulus < LEAST_MODULUS:
+            if _or(table.elastic_modulus, LEAST_MODULUS) < LEAST_MODULUS:
                 raise ValueError(
                     f"{name}.elastic_modulus = {table.elastic_modulus}: no solid is so soft; give "
                     "Pa: 211 GPa is 211e9"
                 )
-        if self.particle.diameter > LARGEST_DIAMETER:
+        diameter = self.particle.diameter
+        typical = diameter if isinstance(diameter, float) else diameter.mean_cube ** (1 / 3)
+        if typical > LARGEST_DIAMETER:
             raise ValueError(
-                f"particle.diameter = {self.particle.diameter}: too large for a suspension; give "
-                "m: 4 um is 4e-6"
+                f"particle.diameter = {diameter}: too large for a suspension; give m: 4 um is 4e-6"
             )
 
     def _check_coating(self):
@@ -395,26 +463,31 @@ class Recipe(Sheet):
             )
 
     def _check_box(self):
-        diameter = self.particle.diameter * self.radius_factor
+        count, size = self.particle_count, list(self.box.size)
+        if count > MOST_PARTICLES:
+            raise ValueError(
+                f"box.size = {size}: holds {count:.3g} particles; give a smaller box, in m: 25 um "
+                "is 25e-6"
+            )
+        if count < 1:
+            raise ValueError(
+                f"box.size = {size}: holds {self.volume_fraction:.3g} of its volume in particles, "
+                "less than one particle; give a larger box"
+            )
+        diameter = self.largest_diameter
         for axis, length, periodic in zip(AXES, self.box.size, self.box.periodic, strict=True):
             if periodic and length < 2.0 * diameter:
                 raise ValueError(
-                    f"box.size = {list(self.box.size)}: periodic along {axis} but narrower than "
-                    f"two particles of {diameter:.4g} m: one would touch two images of another; "
-                    "give a wider box, or walls"
+                    f"box.size = {size}: periodic along {axis} but narrower than two particles of "
+                    f"{diameter:.4g} m: one would touch two images of another; give a wider box, "
+                    "or walls"
                 )
             if length <= diameter:
                 raise ValueError(
-                    f"box.size = {list(self.box.size)}: not larger along {axis} than a particle of "
+                    f"box.size = {size}: not larger along {axis} than a particle of "
                     f"{diameter:.4g} m; give a larger box"
                 )
-        if self.particle_count > MOST_PARTICLES:
-            raise ValueError(
-                f"box.size = {list(self.box.size)}: holds {self.particle_count:.3g} particles; "
-                "give a smaller box, in m: 25 um is 25e-6"
-            )
-        if self.particle_count < 1:
-            raise ValueError(
-                f"box.size = {list(self.box.size)}: holds {self.volume_fraction:.3g} of its volume "
-                "in particles, less than one particle; give a larger box"
-            )
+
+
+def _or(value: float | None, otherwise: float) -> float:
+    return otherwise if value is None else value

@@ -21,6 +21,7 @@ class Fault(IntFlag):
     TOO_DEEP = 16
     ESCAPED = 32
     NOT_FINITE = 64
+    THROUGH_COATING = 128
 
 
 REMEDIES = {
@@ -36,6 +37,9 @@ REMEDIES = {
     Fault.TOO_DEEP: "two surfaces overlap by more than a quarter of a radius, where the contact "
     "law does not hold: give a smaller time_step, a stiffer material, or a start without overlap",
     Fault.ESCAPED: "a particle went through a wall: give a smaller time_step",
+    Fault.THROUGH_COATING: "two surfaces overlap by more than the thickness of the coating, where "
+    "its modulus does not describe the contact: give a thicker or stiffer coating, or the "
+    "modulus of the core",
     Fault.NOT_FINITE: "a position or velocity is not finite: check the parameters for zero or "
     "negative values, or give a smaller time_step",
 }
@@ -56,9 +60,12 @@ class Run:
     mean_velocity: Array
     """Mean velocity of all particles, downwards, (frames + 1,) in m/s."""
     state: State
-    """Positions, velocities and spins at the end."""
+    """Positions, velocities, spins and the memory of contacts at the end."""
     deepest_overlap: Array
-    """Deepest overlap in the run, as a fraction of the particle's radius, ()."""
+    """Deepest overlap in the run, as a fraction of the radius of one of the two, ()."""
+    coating_overlap: Array
+    """Deepest overlap as a fraction of the thickness of a coating, (); 0 without one. The law of a
+    homogeneous sphere of the coating's material holds while it is much smaller than 1."""
     fault: Array
     """0, or the sum of the `Fault`s that were met, ()."""
     initial_height: float = field(metadata={"static": True})

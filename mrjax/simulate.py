@@ -6,16 +6,19 @@ unit of time. What a fault spoils is NaN in a traced call and an error in a plai
 
 from dataclasses import replace
 from functools import partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from mrjax import checks, forces, leapfrog, neighbours, particle, schedule, timestep
+from mrjax import checks, forces, history, leapfrog, neighbours, particle, schedule, timestep
 from mrjax.box import Box
 from mrjax.concrete import concrete, known
 from mrjax.errors import InputError
+from mrjax.forces import Laws
+from mrjax.history import Memory
 from mrjax.neighbours import Plan
 from mrjax.parameters import Parameters
 from mrjax.run import Fault, Run
@@ -69,7 +72,7 @@ def simulate(
     frames = checks.whole(frames, "frames")
     duration = checks.positive(duration, "duration", "s")
     skin = checks.positive(skin, "skin", "contact diameters")
-    checks.meaningful(parameters, state.particles)
+    checks.meaningful(parameters, state.particles, state.material)
     position, velocity = concrete(state.position), concrete(state.velocity)
     checks.inside_walls(position, box)
     with jax.ensure_compile_time_eval():
@@ -83,12 +86,12 @@ def simulate(
             time_step = np.fmin(_chosen_step(numbers), largest)
         time_step = min(duration / frames, checks.positive(time_step, "time_step", "s"))
 
-    smallest = 2.0 * float(radius.min())
+    typical = particle.typical_diameter(radius)
     plan = neighbours.plan(
         box.scaled(2 / diameter),
         state.particles,
         2.0,
-        2.0 * (1.0 if np.isnan(smallest) else min(1.0, smallest / diameter)),
+        2.0 * (1.0 if np.isnan(typical) else min(1.0, typical / diameter)),
         2.0 * skin,
     )
     if capacity is not None:
@@ -96,6 +99,10 @@ def simulate(
         plan = replace(plan, capacity=room)
     if cell_capacity is not None:
         plan = replace(plan, cell_capacity=checks.whole(cell_capacity, "cell_capacity"))
+    if state.contacts is not None:
+        remembered = state.contacts.partner.shape[1] - len(box.walled_axes)
+        plan = replace(plan, capacity=max(plan.capacity, remembered))
+    checks.between_walls(box, diameter)
     checks.wide_enough(box, state.particles, plan.cutoff * diameter / 2)
     if time_step > largest and checks.may_touch(position, radius, box, 2 * speed * duration):
         raise InputError(
@@ -133,21 +140,40 @@ def _run(
     time_step = duration / cuts.total
     units = Units(mass=1000.0 * unit_length**3, length=unit_length, time=time_step)
     dtype = state.position.dtype
-    position, velocity, mudline, descent, overlap, fault = _scan(
+    laws = forces.laws(parameters)
+    memory = history.recalled(
+        state.contacts,
+        state.position,
+        slots=plan.capacity + len(box.walled_axes),
+        sliding=laws.sliding,
+        rolling=laws.rolling,
+        unit_length=units.length,
+    )
+    motion = Motion(
         state.position.T / units.length,
         state.velocity.T / units.velocity,
+        state.spin.T * units.time,
+        memory,
+        jnp.zeros(state.particles, dtype),
+        jnp.zeros((), jnp.int32),
+    )
+    end, mudline, descent, overlap, coating, fault = _scan(
+        motion,
         parameters.reduced(units).astype(dtype),
+        state.material,
         box=box.scaled(1 / units.length),
         plan=plan,
         cuts=cuts,
+        laws=laws,
     )
     # A factor, not a choice: the derivative of what must not be used is NaN too.
     sound = jnp.where(fault == 0, 1.0, jnp.nan).astype(dtype)
     last = replace(
         state,
-        position=sound * units.length * position.T,
-        velocity=sound * units.velocity * velocity.T,
-        spin=sound * state.spin,
+        position=sound * units.length * end.position.T,
+        velocity=sound * units.velocity * end.velocity.T,
+        spin=sound / units.time * end.spin.T,
+        contacts=history.recorded(end.memory, sound, units.length),
     )
     return Run(
         times=jnp.asarray(np.linspace(0.0, duration, cuts.frames + 1), dtype),
@@ -155,6 +181,7 @@ def _run(
         mean_velocity=sound * units.velocity * descent,
         state=last,
         deepest_overlap=sound * overlap,
+        coating_overlap=sound * coating,
         fault=fault,
         initial_height=box.height,
         time_step=time_step,
@@ -162,82 +189,109 @@ def _run(
     )
 
 
-@partial(jax.jit, static_argnames=("box", "plan", "cuts"))
+class Motion(NamedTuple):
+    """What one rebuild of the list hands to the next, in reduced units."""
+
+    position: Array  # (3, N)
+    velocity: Array  # (3, N)
+    spin: Array  # (3, N)
+    memory: Memory
+    overlap: Array  # deepest of each particle so far, (N,)
+    fault: Array  # ()
+
+
+@partial(jax.jit, static_argnames=("box", "plan", "cuts", "laws"))
 def _scan(
-    position: Array,
-    velocity: Array,
+    start: Motion,
     parameters: Parameters,
+    material: Array | None,
     *,
     box: Box,
     plan: Plan,
     cuts: Schedule,
-) -> tuple[Array, Array, Array, Array, Array, Array]:
-    """The compiled loops, in reduced units with steps of length one; positions (3, N)."""
-    particles = position.shape[1]
-    force = forces.total(parameters, box, particles)
-    kick = leapfrog.kick(parameters, 1.0)
+    laws: Laws,
+) -> tuple[Motion, Array, Array, Array, Array, Array]:
+    """The compiled loops, in reduced units with steps of length one."""
+    particles = start.position.shape[1]
+    law = forces.total(parameters, box, particles, laws=laws, material=material)
+    kick, spin_kick = leapfrog.kick(parameters, 1.0), leapfrog.spin_kick(parameters, 1.0)
     radius = particle.outer_radius(parameters)
     skin_left = plan.cutoff - 2.0 * jnp.max(radius)
 
-    def observe(position: Array, velocity: Array) -> tuple[Array, Array]:
-        return jnp.max(position[2] + radius), 0.0 - jnp.mean(velocity[2])
+    def observe(motion: Motion) -> tuple[Array, Array]:
+        return jnp.max(motion.position[2] + radius), 0.0 - jnp.mean(motion.velocity[2])
 
     @partial(jax.checkpoint, prevent_cse=False)
-    def between_rebuilds(carry, _):
-        position, velocity, deepest, fault = carry
-        listed = neighbours.build(plan, box, position.T)
+    def between_rebuilds(motion: Motion, _):
+        listed = neighbours.build(plan, box, motion.position.T)
+        loads = law(motion.position, listed)
 
         @partial(jax.checkpoint, prevent_cse=False)
         def step(carry, _):
-            travelled, velocity, deepest, farthest = carry
-            travelled, velocity, overlap = leapfrog.step(
-                travelled,
-                velocity,
-                lambda moved, velocity: force(position, moved, velocity, listed),
-                kick,
-                1.0,
-            )
+            travelled, velocity, spin, memory, deepest, farthest = carry
+
+            def acting(half_way: Array, velocity: Array):
+                found = loads(half_way, velocity, spin, memory)
+                return found.force, found
+
+            travelled, velocity, found = leapfrog.step(travelled, velocity, acting, kick, 1.0)
+            spin = leapfrog.kicked(spin, found.torque, spin_kick)
             farthest = jnp.maximum(farthest, lax.stop_gradient(jnp.max(sum(travelled**2))))
-            deepest = jnp.fmax(deepest, lax.stop_gradient(overlap))
-            return (travelled, velocity, deepest, farthest), None
+            deepest = jnp.fmax(deepest, lax.stop_gradient(found.overlap))
+            return (travelled, velocity, spin, found.memory, deepest, farthest), None
 
-        start = (jnp.zeros_like(position), velocity, deepest, jnp.zeros_like(deepest))
-        (travelled, velocity, deepest, farthest), _ = lax.scan(step, start, length=cuts.steps)
+        still = jnp.zeros((), motion.position.dtype)
+        memory = motion.memory.carried(history.partners(listed, box))
+        begin = (
+            jnp.zeros_like(motion.position),
+            motion.velocity,
+            motion.spin,
+            memory,
+            motion.overlap,
+            still,
+        )
+        (travelled, velocity, spin, memory, deepest, farthest), _ = lax.scan(
+            step, begin, length=cuts.steps
+        )
         outran = (2.0 * jnp.sqrt(farthest) > skin_left) & (particles > 1)
-        fault = fault | listed.overflow | jnp.where(outran, int(Fault.OUTRAN_LIST), 0)
-        return (position + travelled, velocity, deepest, fault), None
+        fault = motion.fault | listed.overflow | jnp.where(outran, int(Fault.OUTRAN_LIST), 0)
+        position = motion.position + travelled
+        return Motion(position, velocity, spin, memory, deepest, fault), None
 
-    def frame(carry, _):
-        carry, _ = lax.scan(between_rebuilds, carry, length=cuts.rebuilds)
-        return carry, observe(*carry[:2])
+    def frame(motion: Motion, _):
+        motion, _ = lax.scan(between_rebuilds, motion, length=cuts.rebuilds)
+        return motion, observe(motion)
 
-    nothing = (jnp.zeros((), position.dtype), jnp.zeros((), jnp.int32))
-    at_start = observe(position, velocity)
-    (position, velocity, deepest, fault), after = lax.scan(
-        frame, (position, velocity, *nothing), length=cuts.frames
-    )
+    at_start = observe(start)
+    end, after = lax.scan(frame, start, length=cuts.frames)
     mudline, descent = (
         jnp.concatenate([first[None], later]) for first, later in zip(at_start, after, strict=True)
     )
-    fault = fault | _faults_of_motion(parameters, box, position, velocity, deepest)
-    return position, velocity, mudline, descent, deepest, fault
+    overlap = jnp.max(end.overlap / radius)
+    thickness = particle.coating_thickness(parameters)
+    coated = thickness > 0.0
+    coating = jnp.max(jnp.where(coated, end.overlap / jnp.where(coated, thickness, 1.0), 0.0))
+    fault = end.fault | _faults_of_motion(parameters, box, end, overlap, coating)
+    return end, mudline, descent, overlap, coating, fault
 
 
 def _faults_of_motion(
-    parameters: Parameters, box: Box, position: Array, velocity: Array, deepest: Array
+    parameters: Parameters, box: Box, end: Motion, deepest: Array, coating: Array
 ) -> Array:
     """What a finished run shows of a step that was too long, ()."""
     overlap = deepest * jnp.max(particle.outer_radius(parameters))
     limit = timestep.largest_stable_step(parameters, overlap, timestep.TOUCHING_PAIR)
     escaped = jnp.zeros((), bool)
     for axis in box.walled_axes:
-        outside = (position[axis] < 0.0) | (position[axis] > box.size[axis])
+        outside = (end.position[axis] < 0.0) | (end.position[axis] > box.size[axis])
         escaped = escaped | jnp.any(outside)
-    finite = jnp.all(jnp.isfinite(position)) & jnp.all(jnp.isfinite(velocity))
+    moved = (end.position, end.velocity, end.spin)
+    finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(part)) for part in moved]))
     found = (
         (limit < 1.0, Fault.UNSTABLE),
         (deepest > DEEPEST, Fault.TOO_DEEP),
         (escaped, Fault.ESCAPED),
+        (coating > 1.0, Fault.THROUGH_COATING),
         (~finite, Fault.NOT_FINITE),
     )
     return sum(jnp.where(here, int(fault), 0) for here, fault in found).astype(jnp.int32)

@@ -4,10 +4,12 @@ from dataclasses import dataclass, field
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jax.typing import ArrayLike, DTypeLike
 
 from mrjax.errors import InputError
+from mrjax.history import Contacts
 
 
 @jax.tree_util.register_dataclass
@@ -20,9 +22,11 @@ class State:
     velocity: Array
     """(N, 3) in m/s."""
     spin: Array
-    """Angular velocity, (N, 3) in rad/s. Kept as given: the normal law exerts no torque."""
-    contacts: None = None
-    """The place of the tangential law's history; the normal law has none."""
+    """Angular velocity, (N, 3) in rad/s."""
+    contacts: Contacts | None = None
+    """What the contacts remember; None where nothing has touched yet, or without friction."""
+    material: Array | None = None
+    """Index into the tables of `Parameters`, (N,); None where all are of one material."""
     contact_diameter: float | None = field(default=None, metadata={"static": True})
     """Largest distance of centres at which two particles touch, m. It fixes the reach of the
     neighbour list where the parameters are traced; None: read from concrete parameters."""
@@ -38,6 +42,7 @@ def place(
     velocities: ArrayLike | None = None,
     spins: ArrayLike | None = None,
     *,
+    materials: ArrayLike | None = None,
     contact_diameter: float | None = None,
     dtype: DTypeLike = float,
 ) -> State:
@@ -47,12 +52,14 @@ def place(
       positions: centres, (N, 3) in m.
       velocities: (N, 3) in m/s; at rest when left out.
       spins: (N, 3) in rad/s; none when left out.
+      materials: index of each particle's material into the tables of `Parameters`, (N,); left
+        out, all are of one.
       contact_diameter: largest distance at which two of them touch, m; only needed where
         `simulate` is called with traced radii.
       dtype: of the state, and so of a run that starts from it; `float` is JAX's default.
 
     Raises:
-      InputError: an array of another shape.
+      InputError: an array of another shape, or materials that are not whole numbers from 0.
     """
     if jnp.dtype(dtype) not in (jnp.float32, jnp.float64):
         raise InputError(f"dtype = {jnp.dtype(dtype)}: must be float32 or float64")
@@ -79,5 +86,15 @@ def place(
         position,
         like_positions("velocities", velocities),
         like_positions("spins", spins),
+        material=None if materials is None else _indices(materials, len(position)),
         contact_diameter=contact_diameter,
     )
+
+
+def _indices(materials: ArrayLike, particles: int) -> Array:
+    index = np.asarray(materials)
+    if index.shape != (particles,) or index.dtype.kind not in "iu" or index.min() < 0:
+        raise InputError(
+            f"materials = {index}: give a whole number from 0 for each of the {particles} particles"
+        )
+    return jnp.asarray(index, jnp.int32)

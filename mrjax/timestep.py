@@ -3,21 +3,33 @@
 Every function takes `Parameters` and works in any coherent unit; times are in s for SI.
 """
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from mrjax import contact, drag, particle
+from mrjax import contact, drag, friction, particle
 from mrjax.parameters import Parameters
 
 REFINEMENT = 20.0
 """h_t of Eq. 29. The paper's cases 2 and 3 come to 20.6 and 16.3."""
 
-CLOSE_PACKED = 8.0
-"""Highest omega^2 m / k of spheres joined by springs k: the face-centred cubic lattice."""
 
-TOUCHING_PAIR = 2.0
-"""omega^2 m / k of two spheres joined by one spring k."""
+class Mode(NamedTuple):
+    """omega^2 m of a way in which touching spheres swing, for a stiffness of one contact."""
+
+    normal: float  # factor of K_n
+    tangential: float  # factor of K_t, where spheres spin against their inertia, 0.4 m R^2
+    overdamped: float  # factor of K_t, where they spin against drag, 4/3 of gamma R^2
+
+
+CLOSE_PACKED = (Mode(8.0, 8.0, 8.0), Mode(0.0, 40.0, 12.0))
+"""The fastest of the face-centred cubic lattice: planes that move apart, and equal spins."""
+
+TOUCHING_PAIR = (Mode(2.0, 0.0, 0.0), Mode(0.0, 7.0, 3.5))
+"""Two spheres that bounce, and two that slide."""
 
 
 def rayleigh_time(parameters: Parameters) -> Array:
@@ -61,14 +73,14 @@ def expected_overlap(parameters: Parameters, load: ArrayLike, speed: ArrayLike) 
       load: force on one contact, N.
       speed: of approach, m/s.
     """
-    modulus, radius, mass = _pair(parameters)
+    modulus, _, radius, mass = _pair(parameters)
     resting = (3.0 * load / (4.0 * modulus * jnp.sqrt(radius))) ** (2 / 3)
     impact = contact.impact_overlap(modulus, radius, mass, speed)
     return jnp.max(jnp.maximum(resting, impact))
 
 
 def largest_stable_step(
-    parameters: Parameters, overlap: ArrayLike, arrangement: float = CLOSE_PACKED
+    parameters: Parameters, overlap: ArrayLike, arrangement: tuple[Mode, ...] = CLOSE_PACKED
 ) -> Array:
     """Largest step at which contacts of this overlap stay stable, at any drag; s, ().
 
@@ -78,33 +90,58 @@ def largest_stable_step(
         tanh(alpha dt / 2) (dt K + 2 c) / gamma < 2.
 
     The larger of (sqrt(c^2 + 4 m K) - c) / K, which is the leapfrog's limit without drag, and
-    2 (gamma - c) / K, overdamped Euler's with much, satisfies it. K and c are `arrangement` times
-    those of one contact: particles that touch move against each other. Infinite where nothing
-    overlaps.
+    2 (gamma - c) / K, overdamped Euler's with much, satisfies it. K and c are those of one
+    contact, normal and, with friction, tangential, weighted by the modes of the `arrangement`:
+    particles that touch move and spin against each other. Rolling resistance is softer than
+    friction and needs no limit of its own. Infinite where nothing overlaps.
     """
-    modulus, radius, mass = _pair(parameters)
+    modulus, shear_modulus, radius, mass = _pair(parameters)
     damping = contact.damping_ratio(parameters.restitution)
-    spring = contact.stiffness(modulus, radius, overlap)
-    touching = spring > 0.0
-    spring = arrangement * jnp.where(touching, spring, 1.0)
-    dashpot = arrangement * contact.damping_coefficient(
-        modulus, radius, mass, overlap, parameters.dissipation, damping
+    normal = contact.stiffness(modulus, radius, overlap)
+    grips = jnp.any(parameters.friction > 0.0)
+    tangential = jnp.where(grips, friction.stiffness(shear_modulus, radius, overlap), 0.0)
+    impact = _largest(
+        contact.damping_coefficient, modulus, radius, mass, overlap, parameters.dissipation, damping
     )
-    inertial = (jnp.sqrt(dashpot**2 + 4.0 * mass * spring) - dashpot) / spring
-    overdamped = 2.0 * (drag.coefficient(parameters) - dashpot) / spring
-    return jnp.min(jnp.where(touching, jnp.maximum(inertial, overdamped), jnp.inf))
+    shear = _largest(
+        friction.damping_coefficient,
+        shear_modulus,
+        radius,
+        mass,
+        overlap,
+        parameters.tangential_dissipation,
+        damping,
+    )
+    shear = jnp.where(grips, shear, 0.0)
+
+    def limit(mode: Mode) -> Array:
+        spring = mode.normal * normal + mode.tangential * tangential
+        dashpot = mode.normal * impact + mode.tangential * shear
+        swings = spring > 0.0
+        spring = jnp.where(swings, spring, 1.0)
+        inertial = (jnp.sqrt(dashpot**2 + 4.0 * mass * spring) - dashpot) / spring
+        spring = mode.normal * normal + mode.overdamped * tangential
+        dashpot = mode.normal * impact + mode.overdamped * shear
+        spring = jnp.where(swings, spring, 1.0)
+        overdamped = 2.0 * (drag.coefficient(parameters) - dashpot) / spring
+        return jnp.min(jnp.where(swings, jnp.maximum(inertial, overdamped), jnp.inf))
+
+    return jnp.min(jnp.stack([limit(mode) for mode in arrangement]))
 
 
-def _pair(parameters: Parameters) -> tuple[Array, Array, Array]:
-    """Upper bounds on E*, R* and m* of any contact: with a like particle or with the wall."""
-    outer = particle.outer_radius(parameters)
+def _largest(law: Callable, modulus, radius, mass, overlap, dissipation, damping) -> Array:
+    """The largest dashpot of every particle, () or (N,), over a table of pairs."""
+    of_particle = (jnp.expand_dims(leaf, -1) for leaf in (modulus, radius, mass))
+    of_pairs = (jnp.ravel(leaf) for leaf in jnp.broadcast_arrays(dissipation, damping))
+    return jnp.max(law(*of_particle, overlap, *of_pairs), axis=-1)
+
+
+def _pair(parameters: Parameters) -> tuple[Array, Array, Array, Array]:
+    """Upper bounds on E*, G*, R* and m* of any contact: with a like particle or with the wall."""
     of_surface = (parameters.elastic_modulus, parameters.poisson_ratio)
-    with_wall = contact.effective_modulus(
-        *of_surface, parameters.wall_elastic_modulus, parameters.wall_poisson_ratio
+    of_wall = (parameters.wall_elastic_modulus, parameters.wall_poisson_ratio)
+    stiffest = (
+        jnp.maximum(law(*of_surface, *of_surface), law(*of_surface, *of_wall))
+        for law in (contact.effective_modulus, friction.effective_shear_modulus)
     )
-    with_particle = contact.effective_modulus(*of_surface, *of_surface)
-    return (
-        jnp.maximum(with_wall, with_particle),
-        outer,
-        particle.inertia(parameters),
-    )
+    return (*stiffest, particle.outer_radius(parameters), particle.inertia(parameters))

@@ -287,6 +287,11 @@ def test_restitution_of_the_papers_dissipation(restitution, scaled):
 # --- through the simulation -----------------------------------------------------------------------
 
 
+def table(values, elsewhere):
+    """Of materials that meet their like alone; the walls last, never met."""
+    return np.diag(np.array([*values, elsewhere]) - elsewhere) + elsewhere
+
+
 def test_rebounds_of_a_simulation():
     """Pairs of many speeds and dampings in one run, which start as they touch."""
     fixed = dissipation_at(RESTITUTION_OF_A[0.7], 1.0)
@@ -303,12 +308,12 @@ def test_rebounds_of_a_simulation():
     right = left + np.array([2 * radius, 0.0, 0.0])
     velocity = np.stack([speed / 2, still, still], axis=1)
     run = mrjax.simulate(
-        mrjax.place(np.concatenate([left, right]), np.concatenate([velocity, -velocity])),
-        dry(
-            GLASS,
-            restitution=np.tile(restitution, 2),
-            dissipation=np.tile(dissipation, 2),
+        mrjax.place(
+            np.concatenate([left, right]),
+            np.concatenate([velocity, -velocity]),
+            materials=np.tile(np.arange(count), 2),
         ),
+        dry(GLASS, restitution=table(restitution, 1.0), dissipation=table(dissipation, 0.0)),
         mrjax.Box((0.12, 0.05 * (count + 1), 0.1)),
         duration=400e-6,
         time_step=40e-9,

@@ -13,12 +13,15 @@ ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 
-def test_the_python_example_prints_what_it_says(capsys):
-    (block,) = re.findall(r"```python\n(.*?)```", README, flags=re.S)
-    with jax.numpy_rank_promotion("allow"), jax.numpy_dtype_promotion("standard"):
-        exec(block, {})
-    printed = capsys.readouterr().out.strip()
-    assert printed and f"It prints `{printed}`." in README
+def test_the_python_examples_print_what_they_say(capsys):
+    blocks = re.findall(r"```python\n(.*?)```", README, flags=re.S)
+    assert len(blocks) == 2
+    names = {}
+    for block in blocks:
+        with jax.numpy_rank_promotion("allow"), jax.numpy_dtype_promotion("standard"):
+            exec(block, names)
+        printed = capsys.readouterr().out.strip()
+        assert printed and f"It prints `{printed}`." in README
 
 
 def test_there_are_exactly_two_set_up_commands():

@@ -183,6 +183,23 @@ def test_derivation_for_another_material(load):
     assert recipe.box == mrjax.Box((0.6e-3, 0.5e-3, 1e-3), (True, False, False))
 
 
+def test_friction_and_walls_of_their_own(load):
+    contact = (
+        "dissipation = 1e-9",
+        "tangential_dissipation = 2e-9, rolling_friction = 0.1, rolling_damping = 0.3",
+    )
+    wall = ("elastic_modulus = 3e9\npoisson_ratio = 0.35", "poisson_ratio = 0.35\nfriction = 0.6")
+    parameters = load(edited(GLASS, contact, wall)).parameters()
+    assert parameters.wall_elastic_modulus == 5e6  # of the polymer, as the particles
+    assert parameters.wall_poisson_ratio == 0.35
+    assert parameters.friction[0, 0] == 0.4
+    assert parameters.friction[0, 1] == parameters.friction[1, 0] == 0.6
+    assert parameters.restitution == 0.9
+    assert parameters.dissipation == 0.0
+    assert parameters.tangential_dissipation == 2e-9
+    assert (parameters.rolling_friction, parameters.rolling_damping) == (0.1, 0.3)
+
+
 def test_a_sheet_without_optional_tables(load):
     bare = GLASS[: GLASS.index("contact =")] + "box = {size = [6e-4, 5e-4, 1e-3]}"
     recipe = load(edited(bare, ("0.47, coating = 0.03", "0.5")))
@@ -267,7 +284,7 @@ FAULTS = {
     "zero diameter": (
         "diameter = 4e-6",
         "diameter = 0",
-        ["particle.diameter = 0", "greater than 0", "in m, above zero"],
+        ["particle.diameter = 0", "the diameter in m above zero"],
     ),
     "nan": ("density = 7470.0", "density = nan", ["particle.density = nan", "finite", "kg/m^3"]),
     "inf": ("viscosity = 0.01", "viscosity = inf", ["fluid.viscosity = inf", "finite", "Pa s"]),
@@ -338,10 +355,10 @@ FAULTS = {
     ),
     "missing name": ('name = "case3"', "", ["name is missing", "give a name"]),
     "table as number": ("[drag]", "[[drag]]", ["drag = [{", "give a table [drag]"]),
-    "half a wall": (
+    "a wall that pulls": (
         "[box]",
-        "[wall]\nelastic_modulus = 1e9\n[box]",
-        ["wall.poisson_ratio is missing", "-1 to 0.5"],
+        "[wall]\nfriction = -0.1\n[box]",
+        ["wall.friction = -0.1", "Coulomb's coefficient on the walls, at least 0"],
     ),
     "thick coating": (
         "radius_factor = 1.1 ",

@@ -208,7 +208,7 @@ def test_relabelling_the_particles_relabels_the_result(case2):
             parameters.replace(elastic_modulus=1e8),
             box,
             duration=4e-5,
-            time_step=1e-8,
+            time_step=5e-9,
         )
         assert float(run.deepest_overlap) > 1e-3  # they did collide
         return np.asarray(run.state.position)
@@ -276,7 +276,7 @@ def test_vmap_over_random_states(case2):
 
     def velocity(position):
         state = mrjax.place(position, contact_diameter=4e-6)
-        run = mrjax.simulate(state, parameters, case2.box, duration=20 * step, time_step=step)
+        run = mrjax.simulate(state, parameters, case2.box, duration=20 * step, time_step=step / 4)
         return mrjax.settling_velocity(run)
 
     expected = float(mrjax.terminal_velocity(parameters))

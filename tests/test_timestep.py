@@ -110,6 +110,9 @@ def stability_limit(damping):
     return brentq(lambda dt: dt / damping * np.tanh(damping * dt / 2) - 2, 1e-3, 1e5, rtol=1e-12)
 
 
+ONE = timestep.Mode(1.0, 0.0, 0.0)
+
+
 @pytest.mark.parametrize("regime", REGIMES)
 def test_the_limit_is_where_the_leapfrog_becomes_unstable(regime):
     parameters, _ = resting(REGIMES[regime])
@@ -134,11 +137,13 @@ def test_the_limit_is_where_the_leapfrog_becomes_unstable(regime):
 def test_the_largest_step_keeps_within_the_limit():
     for damping in (0.0, *np.geomspace(1e-4, 1e4, 33)):
         parameters, overlap = resting(damping)
-        largest = float(timestep.largest_stable_step(parameters, overlap, arrangement=1.0))
+        largest = float(timestep.largest_stable_step(parameters, overlap, arrangement=(ONE,)))
         exact = stability_limit(damping)
         # max(2 sqrt(m/K), 2 gamma/K), at worst where both are equal: 2 of 2.4.
         assert 0.83 * exact < largest <= exact * (1 + 1e-12)
-    stiffer = timestep.largest_stable_step(*resting(0.0), arrangement=4.0)
+    stiffer = timestep.largest_stable_step(
+        *resting(0.0), arrangement=(timestep.Mode(4.0, 0.0, 0.0),)
+    )
     assert stiffer == near(1.0, rel=EXACT)
 
 

@@ -1,0 +1,146 @@
+"""What contacts remember: displacements along the tangent plane, turned with it, by partner's id.
+
+A neighbour list is rebuilt and its slots reordered many times during one contact. Memories are
+therefore found again by the id of the partner. Walls are partners with ids of their own.
+"""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+
+from mrjax.box import Box
+from mrjax.neighbours import Neighbours
+from mrjax.vectors import Vector, cross, dot, plus
+
+NOBODY = -1
+WALLS = (-2, -3, -4)
+"""Ids of an empty slot, and of the walls across x, y and z."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Contacts:
+    """The memory of every contact of a state, each held by both particles; S slots for each.
+
+    `sliding` and `rolling` are None where no law reads them.
+    """
+
+    partner: Array
+    """Ids: of a particle, -1 in an empty slot, -2, -3, -4 for a wall across x, y, z; (N, S)."""
+    sliding: Array | None
+    """Displacement of the particle's surface along its partner's, (N, S, 3) in m."""
+    rolling: Array | None
+    """Angle rolled on the partner, (N, S, 3) in rad."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Memory:
+    """The same in the kernel's layout and units; None where no law reads it."""
+
+    partner: Array  # (S, N)
+    sliding: Vector | None  # (S, N)
+    rolling: Vector | None  # (S, N)
+
+    def carried(self, partner: Array) -> "Memory":
+        """The memory in the slots of a new list, (S', N); what left the list is forgotten."""
+        # (new slot, old slot, particle): at most one old slot knows each partner.
+        same = (partner[:, None, :] == self.partner[None, :, :]) & (partner != NOBODY)[:, None, :]
+
+        def moved(vector: Vector | None) -> Vector | None:
+            if vector is None:
+                return None
+            return tuple(
+                jnp.sum(jnp.where(same, component[None, :, :], 0.0), axis=1) for component in vector
+            )
+
+        return Memory(partner, moved(self.sliding), moved(self.rolling))
+
+
+def partners(neighbours: Neighbours, box: Box) -> Array:
+    """Ids in the slots of a list, the walls of the box last; (K + W, N)."""
+    listed = jnp.where(neighbours.present, neighbours.partner, NOBODY)
+    walls = jnp.array([WALLS[axis] for axis in box.walled_axes], listed.dtype)[:, None]
+    return jnp.concatenate([listed, jnp.broadcast_to(walls, (walls.size, listed.shape[1]))])
+
+
+def recalled(
+    contacts: Contacts | None,
+    like: Array,
+    *,
+    slots: int,
+    sliding: bool,
+    rolling: bool,
+    unit_length: float = 1.0,
+) -> Memory:
+    """The memory of a state in `slots` slots; blank where the state brings none.
+
+    Args:
+      contacts: of the state, or None.
+      like: an array (N, ...) that gives the number of particles and the dtype.
+      slots: S, at least as many as the state brings.
+      sliding, rolling: whether a law reads these.
+      unit_length: of the memory, m.
+    """
+    particles = like.shape[0]
+
+    def vector(rows: Array | None, unit: float) -> Vector:
+        if rows is None:
+            return (jnp.zeros((slots, particles), like.dtype),) * 3
+        padded = jnp.pad(rows / unit, ((0, 0), (0, slots - rows.shape[1]), (0, 0)))
+        return tuple(padded[..., axis].T for axis in range(3))
+
+    if contacts is None:
+        contacts = Contacts(jnp.zeros((particles, 0), jnp.int32), None, None)
+    spare = ((0, 0), (0, slots - contacts.partner.shape[1]))
+    return Memory(
+        jnp.pad(contacts.partner, spare, constant_values=NOBODY).T,
+        vector(contacts.sliding, unit_length) if sliding else None,
+        vector(contacts.rolling, 1.0) if rolling else None,
+    )
+
+
+def recorded(memory: Memory, sound: Array, unit_length: float) -> Contacts | None:
+    """The memory as part of a state, times a factor; None where there is none.
+
+    Args:
+      memory: in the kernel's units.
+      sound: 1, or NaN where a fault was found, ().
+      unit_length: of the memory, m.
+    """
+    if memory.sliding is None and memory.rolling is None:
+        return None
+
+    def rows(vector: Vector | None, unit: float) -> Array | None:
+        if vector is None:
+            return None
+        return sound * unit * jnp.stack([component.T for component in vector], axis=-1)
+
+    return Contacts(memory.partner.T, rows(memory.sliding, unit_length), rows(memory.rolling, 1.0))
+
+
+def turned(vector: Vector, normal: Vector, turn: Vector, twist: Array) -> Vector:
+    """A vector of the old tangent plane, turned into the new one with the contact.
+
+    It stays perpendicular to the normal, and keeps its length to the fourth power of the angles.
+
+    Args:
+      vector: perpendicular to the normal of the step before.
+      normal: of this step.
+      turn: how the normal changed since.
+      twist: angle by which the two surfaces together turned about the normal, rad.
+    """
+    about = cross(normal, vector)
+    shrunk = 1.0 - 0.5 * twist**2
+    vector = tuple(shrunk * v + twist * a for v, a in zip(vector, about, strict=True))
+    # Perpendicular to the old normal, n - turn: R v = v - (v.n)(n + n_old) / (1 + n.n_old).
+    return plus(vector, -dot(vector, normal), plus(normal, -0.5, turn))
+
+
+def shortening(vector: Vector, longest: Array) -> Array:
+    """The factor, at most 1, that shortens a vector to a length; finite at zero length."""
+    square = dot(vector, vector)
+    longer = square > longest**2
+    return jnp.where(longer, longest / jnp.sqrt(jnp.where(longer, square, 1.0)), 1.0)

@@ -1,0 +1,75 @@
+"""What contacts exert at one moment, for force chains, plots and comparisons."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from mrjax import checks, forces, history, neighbours, particle, schedule
+from mrjax.box import Box
+from mrjax.concrete import concrete, known
+from mrjax.parameters import Parameters
+from mrjax.state import State
+from mrjax.units import Units
+
+
+def contact_forces(state: State, parameters: Parameters, box: Box) -> tuple[Array, Array]:
+    """Force and torque of its contacts on every particle, dissipation and walls included.
+
+    Works under `jit` and `grad` where the state brings its contact diameter; NaN where the
+    particles of a traced call are packed denser than there is room for.
+
+    Args:
+      state: a moment of a run; its contacts remember how far their springs are stretched.
+      parameters, box: those of the run.
+
+    Returns:
+      forces, (N, 3) in N, and torques about the centres, (N, 3) in N m.
+
+    Raises:
+      InputError: parameters that do not fit the state.
+    """
+    checks.meaningful(parameters, state.particles, state.material)
+    with jax.ensure_compile_time_eval():
+        radius = np.asarray(particle.outer_radius(known(parameters)))
+        diameter = schedule.contact_diameter(state, radius, slack=0.0)
+    checks.between_walls(box, diameter)
+    length = diameter / 2
+    units = Units(mass=1000.0 * length**3, length=length, time=length)
+    reduced = parameters.replace(gravity=0.0).reduced(units).astype(state.position.dtype)
+    laws = forces.laws(parameters)
+    position = state.position / units.length
+    scaled = box.scaled(1 / units.length)
+    plan = neighbours.plan(scaled, state.particles, 2.0, 2.0, 0.0)
+    if state.contacts is not None:
+        remembered = state.contacts.partner.shape[1] - len(box.walled_axes)
+        plan = replace(plan, capacity=max(plan.capacity, remembered))
+    while True:
+        listed = neighbours.build(plan, scaled, position)
+        overflow = concrete(listed.overflow)
+        if overflow is None or not overflow:
+            break
+        plan = plan.grown(int(overflow), state.particles)
+    memory = history.recalled(
+        state.contacts,
+        state.position,
+        slots=listed.partner.shape[0] + len(box.walled_axes),
+        sliding=laws.sliding,
+        rolling=laws.rolling,
+        unit_length=units.length,
+    ).carried(history.partners(listed, scaled))
+    law = forces.total(
+        reduced, scaled, state.particles, laws=laws, material=state.material, time_step=0.0
+    )
+    found = law(position.T, listed)(
+        jnp.zeros_like(position.T),
+        state.velocity.T / units.velocity,
+        state.spin.T * units.time,
+        memory,
+    )
+    force = units.of((1, 1, -2)) * found.force.T
+    torque = units.of((1, 2, -2)) * found.torque.T
+    sound = jnp.where(listed.overflow == 0, 1.0, jnp.nan).astype(force.dtype)
+    return sound * force, sound * torque

@@ -1,0 +1,149 @@
+"""Which laws act, contact forces of one moment, coatings and walls at the edge of the model."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import mrjax
+from mrjax import forces, particle
+
+near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
+
+ROOM = mrjax.Box((1e-2, 1e-2, 1e-2))
+GLASS = mrjax.Parameters(
+    radius=1e-3,
+    particle_density=2500.0,
+    fluid_density=0.0,
+    viscosity=0.0,
+    gravity=0.0,
+    elastic_modulus=5e7,
+    poisson_ratio=0.25,
+    friction=0.3,
+).astype(float)
+STEP = 1e-7
+OBLIQUE = mrjax.place([[5e-3, 5e-3, 1.001e-3]], [[0.5, 0.0, -0.5]], contact_diameter=2e-3)
+
+
+def test_only_laws_that_act_or_may_be_differentiated_are_compiled():
+    assert forces.laws(GLASS) == forces.Laws(sliding=True, rolling=False)
+    assert forces.laws(GLASS.replace(friction=0.0)) == forces.Laws(sliding=False, rolling=False)
+    table = jnp.array([[0.0, 0.0], [0.0, 0.1]])
+    assert forces.laws(GLASS.replace(friction=0.0, rolling_friction=table)).rolling
+    seen = []
+    jax.grad(lambda mu: seen.append(forces.laws(GLASS.replace(friction=mu))) or mu)(0.0)
+    jax.jit(lambda mu: seen.append(forces.laws(GLASS.replace(friction=mu))) or mu)(0.0)
+    assert seen == [forces.Laws(sliding=True, rolling=False)] * 2
+
+
+def test_no_friction_by_value_is_no_friction_by_law():
+    def after(friction):
+        run = mrjax.simulate(
+            OBLIQUE, GLASS.replace(friction=friction), ROOM, duration=3e-4, time_step=STEP
+        )
+        return run.state.velocity, run.state.spin
+
+    without, (velocity, spin) = after(0.0), jax.jit(after)(0.0)
+    np.testing.assert_allclose(velocity, without[0], rtol=1e-13, atol=1e-15)
+    assert not spin.any() and not without[1].any()
+    assert velocity[0, 2] > 0.49
+
+
+def test_contact_forces_are_what_accelerates():
+    """m dv/dt and I d spin/dt along an impact, from velocities ten steps apart."""
+
+    @jax.jit
+    def onward(state):
+        run = mrjax.simulate(state, GLASS, ROOM, duration=10 * STEP, time_step=STEP)
+        return run.state, *mrjax.contact_forces(run.state, GLASS, ROOM)
+
+    state, moments = OBLIQUE, []
+    for _ in range(150):
+        state, force, torque = onward(state)
+        moments.append((state.velocity[0], state.spin[0], force[0], torque[0]))
+    velocity, spin, force, torque = map(np.array, zip(*moments, strict=True))
+    peak, twist = np.abs(force).max(), np.abs(torque).max()
+    mass = float(particle.mass(GLASS)) / (10 * STEP)
+    moment = float(particle.moment_of_inertia(GLASS)) / (10 * STEP)
+    assert peak > 0.1 and twist > 1e-5
+    # The mean over ten steps against the mean of its ends: curvature, and where sliding sets in.
+    middle = 0.5 * (force[1:] + force[:-1])
+    np.testing.assert_allclose(mass * np.diff(velocity, axis=0), middle, atol=5e-3 * peak)
+    middle = 0.5 * (torque[1:] + torque[:-1])
+    np.testing.assert_allclose(moment * np.diff(spin, axis=0), middle, atol=5e-3 * twist)
+    assert not force[-1].any()  # it has left
+
+
+def test_contact_forces_of_a_crowd():
+    """A large sphere wears more small ones than a list for equal spheres has room for."""
+    count, large, small = 80, 1e-3, 1.5e-4
+    golden = np.pi * (3 - np.sqrt(5)) * np.arange(count)
+    height = 1 - 2 * (np.arange(count) + 0.5) / count
+    around = np.sqrt(1 - height**2)
+    normal = np.stack([around * np.cos(golden), around * np.sin(golden), height], axis=1)
+    depth = 1e-6
+    centre = np.full(3, 5e-3)
+    state = mrjax.place(np.concatenate([centre[None], centre + (large + small - depth) * normal]))
+    radius = jnp.array([large] + [small] * count)
+    force, torque = mrjax.contact_forces(state, GLASS.replace(radius=radius), ROOM)
+    pair_radius = large * small / (large + small)
+    push = 4 / 3 * 5e7 / (2 * (1 - 0.25**2)) * np.sqrt(pair_radius * depth) * depth
+    np.testing.assert_allclose(force[1:], push * normal, rtol=1e-9, atol=1e-9 * push)
+    np.testing.assert_allclose(force[0], -push * normal.sum(axis=0), atol=1e-9 * push)
+    assert not torque.any()
+
+
+def test_single_precision_gives_the_same_impact():
+    def after(dtype):
+        state = mrjax.place(OBLIQUE.position, OBLIQUE.velocity, dtype=dtype)
+        return mrjax.simulate(state, GLASS, ROOM, duration=3e-4, time_step=STEP).state
+
+    double, single = after(jnp.float64), after(jnp.float32)
+    assert single.contacts.sliding.dtype == single.spin.dtype == jnp.float32
+    # 3000 steps of rounding, 6e-8 each; and the moment of first touch, at 1e-7 of the box.
+    np.testing.assert_allclose(single.velocity, double.velocity, atol=1e-3 * 0.7)
+    np.testing.assert_allclose(single.spin, double.spin, atol=1e-3 * 700)
+    assert double.spin[0, 1] > 300
+
+
+# --- the edges of the model -----------------------------------------------------------------------
+
+
+def coated(thickness):
+    """The sphere of GLASS, part of it a coating."""
+    core = 1e-3 - thickness
+    return GLASS.replace(radius=core, f_r=1e-3 / core, coating_density=2500.0)
+
+
+def test_an_overlap_is_reported_beside_the_thickness_of_the_coating():
+    bare, layer = (
+        mrjax.simulate(OBLIQUE, parameters, ROOM, duration=3e-4, time_step=STEP)
+        for parameters in (GLASS, coated(1e-4))
+    )
+    assert bare.coating_overlap == 0.0
+    assert layer.coating_overlap == near(float(layer.deepest_overlap) * 1e-3 / 1e-4)
+    assert 0.05 < layer.coating_overlap < 0.2
+
+
+def test_an_overlap_through_the_coating_is_not_a_result():
+    with pytest.raises(mrjax.SimulationError, match="thickness of the coating"):
+        mrjax.simulate(OBLIQUE, coated(1e-5), ROOM, duration=3e-4, time_step=STEP)
+
+    @jax.jit
+    def traced(friction):
+        parameters = coated(1e-5).replace(friction=friction)
+        return mrjax.simulate(OBLIQUE, parameters, ROOM, duration=3e-4, time_step=STEP)
+
+    run = traced(0.3)
+    assert int(run.fault) == mrjax.Fault.THROUGH_COATING
+    assert np.isnan(run.state.velocity).all() and np.isnan(run.coating_overlap)
+
+
+@pytest.mark.parametrize("size", [2e-3, 1.9e-3])
+def test_walls_closer_than_a_particle_are_refused(size):
+    box = mrjax.Box((1e-2, 1e-2, size))
+    state = mrjax.place([[5e-3, 5e-3, 0.95e-3]])
+    with pytest.raises(mrjax.InputError, match=r"along z is not larger than a particle of 0\.002"):
+        mrjax.simulate(state, GLASS, box, duration=1e-6, time_step=STEP)
