@@ -9,8 +9,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jax.core import Tracer
 
@@ -41,16 +41,20 @@ def laws(parameters: Parameters) -> Laws:
     return Laws(acts(parameters.friction), acts(parameters.rolling_friction))
 
 
+Memories = tuple[Memory, Memory]
+"""Of the contacts with partners, and with walls: apart, for what is joined is copied every step."""
+
+
 class Loads(NamedTuple):
     """What acts on every particle at one moment."""
 
     force: Array  # N, (3, N)
     torque: Array  # N m, (3, N)
-    memory: Memory
+    memory: Memories
     overlap: Array  # deepest of each particle, m; negative where it touches nothing; (N,)
 
 
-Law = Callable[[Array, Array, Array, Memory], Loads]
+Law = Callable[[Array, Array, Array, Memories], Loads]
 
 
 def total(
@@ -83,20 +87,29 @@ def total(
 
     def law(reference: Array, neighbours: Neighbours) -> Law:
         between = pairs.between_particles(parameters, material, neighbours.partner)
-        surfaces = pairs.joined(between, at_wall, len(neighbours.partner), len(box.walled_axes))
 
-        def loads(displacement, velocity, spin, memory: Memory) -> Loads:
-            meeting = _with_partners(displacement, velocity, spin, neighbours, radius)
-            if box.walled_axes:
-                at = _with_walls(reference + displacement, velocity, spin, box, radius)
-                meeting = jax.tree.map(lambda *both: jnp.concatenate(both), meeting, at)
-            acting, turning, slid, rolled = _contact(meeting, surfaces, memory, laws, time_step)
-            return Loads(
-                pull + _summed(acting),
-                jnp.zeros_like(pull) if turning is None else _summed(turning),
-                Memory(memory.partner, slid, rolled),
-                jnp.max(meeting.overlap, axis=0, initial=-jnp.inf),
-            )
+        def loads(displacement, velocity, spin, memory: Memories) -> Loads:
+            force, torque = pull, jnp.zeros_like(pull)
+            deepest = jnp.full_like(radius, -jnp.inf)
+            remembered = []
+            for meeting, surfaces, before in (
+                (
+                    _with_partners(displacement, velocity, spin, neighbours, radius),
+                    between,
+                    memory[0],
+                ),
+                (
+                    _with_walls(reference + displacement, velocity, spin, box, radius),
+                    at_wall,
+                    memory[1],
+                ),
+            ):
+                acting, turning, after = _contact(meeting, surfaces, before, laws, time_step)
+                force = force + _summed(acting)
+                torque = torque if turning is None else torque + _summed(turning)
+                deepest = jnp.maximum(deepest, jnp.max(meeting.overlap, axis=0, initial=-jnp.inf))
+                remembered.append(after)
+            return Loads(force, torque, tuple(remembered), deepest)
 
         return loads
 
@@ -152,18 +165,13 @@ def _with_partners(
 
 def _with_walls(position: Array, velocity: Array, spin: Array, box: Box, radius: Array) -> Meeting:
     """The nearer wall of every walled axis, which mirrors the particle: the arm is R - d/2."""
-    axes = box.walled_axes
-    distance, inward = [], []
-    for axis in axes:
-        far = position[axis] > 0.5 * box.size[axis]
-        distance.append(jnp.where(far, box.size[axis] - position[axis], position[axis]))
-        inward.append(jnp.where(far, -1.0, 1.0).astype(radius.dtype))
-    overlap = radius[None, :] - jnp.stack(distance)
-    nothing = jnp.zeros_like(radius)
-    normal = tuple(
-        jnp.stack([inward[row] if axis == along else nothing for row, axis in enumerate(axes)])
-        for along in range(3)
-    )
+    axes = np.array(box.walled_axes, int)
+    size = jnp.asarray(box.size, radius.dtype)[axes, None]
+    from_origin = position[axes]
+    far = from_origin > 0.5 * size
+    overlap = radius[None, :] - jnp.where(far, size - from_origin, from_origin)
+    inward = jnp.where(far, -1.0, 1.0).astype(radius.dtype)
+    normal = tuple(inward * (axes == along).astype(radius.dtype)[:, None] for along in range(3))
     arm = radius[None, :] - 0.5 * overlap
     velocity, spin = (tuple(part[None, :] for part in moving) for moving in (velocity, spin))
     closing = -dot(velocity, normal)
@@ -183,7 +191,7 @@ def _with_walls(position: Array, velocity: Array, spin: Array, box: Box, radius:
 
 def _contact(
     meeting: Meeting, surfaces: Surfaces, memory: Memory, laws: Laws, time_step: float
-) -> tuple[Vector, Vector | None, Vector | None, Vector | None]:
+) -> tuple[Vector, Vector | None, Memory]:
     """Force and torque on the particle in every slot, and what the contacts remember."""
     normal = meeting.normal
     push = contact.normal_force(
@@ -227,7 +235,7 @@ def _contact(
             damping=surfaces.rolling_damping,
         )
         torque = resistance if torque is None else plus(torque, 1.0, resistance)
-    return force, torque, slid, rolled
+    return force, torque, Memory(memory.partner, slid, rolled)
 
 
 def _summed(vector: Vector) -> Array:

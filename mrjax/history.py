@@ -59,6 +59,20 @@ class Memory:
         return Memory(partner, moved(self.sliding), moved(self.rolling))
 
 
+def apart(memory: Memory, walls: int) -> tuple[Memory, Memory]:
+    """The memory of contacts with partners, and with the walls in the last slots."""
+    split = memory.partner.shape[0] - walls
+    return (
+        jax.tree.map(lambda leaf: leaf[:split], memory),
+        jax.tree.map(lambda leaf: leaf[split:], memory),
+    )
+
+
+def together(partners: Memory, walls: Memory) -> Memory:
+    """The memory of both, the walls last."""
+    return jax.tree.map(lambda *both: jnp.concatenate(both), partners, walls)
+
+
 def partners(neighbours: Neighbours, box: Box) -> Array:
     """Ids in the slots of a list, the walls of the box last; (K + W, N)."""
     listed = jnp.where(neighbours.present, neighbours.partner, NOBODY)

@@ -67,7 +67,7 @@ def contact_forces(state: State, parameters: Parameters, box: Box) -> tuple[Arra
         jnp.zeros_like(position.T),
         state.velocity.T / units.velocity,
         state.spin.T * units.time,
-        memory,
+        history.apart(memory, len(box.walled_axes)),
     )
     force = units.of((1, 1, -2)) * found.force.T
     torque = units.of((1, 2, -2)) * found.torque.T

@@ -82,27 +82,6 @@ def with_walls(parameters: Parameters, material: Array | None) -> Surfaces:
     return Surfaces(*(leaf if jnp.ndim(leaf) == 0 else leaf[None, :] for leaf in surfaces))
 
 
-def joined(between: Surfaces, at_wall: Surfaces, partners: int, walls: int) -> Surfaces:
-    """The constants of both, in the slots of the partners and after them of the walls.
-
-    Args:
-      between, at_wall: from the two functions above.
-      partners, walls: number of slots, K and W.
-    """
-
-    def slots(mine: Array, wall: Array) -> Array:
-        if mine is wall:
-            return mine
-        width = max(jnp.shape(leaf)[-1] if jnp.ndim(leaf) else 1 for leaf in (mine, wall))
-        return jnp.concatenate(
-            [jnp.broadcast_to(mine, (partners, width)), jnp.broadcast_to(wall, (walls, width))]
-        )
-
-    if not walls:
-        return between
-    return Surfaces(*map(slots, between, at_wall))
-
-
 def _about_contact(parameters: Parameters) -> Array:
     moment, mass = particle.moment_of_inertia(parameters), particle.inertia(parameters)
     return rolling.about_contact(moment, mass, particle.outer_radius(parameters))

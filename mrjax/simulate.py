@@ -228,10 +228,10 @@ def _scan(
 
         @partial(jax.checkpoint, prevent_cse=False)
         def step(carry, _):
-            travelled, velocity, spin, memory, deepest, farthest = carry
+            travelled, velocity, spin, memories, deepest, farthest = carry
 
             def acting(half_way: Array, velocity: Array):
-                found = loads(half_way, velocity, spin, memory)
+                found = loads(half_way, velocity, spin, memories)
                 return found.force, found
 
             travelled, velocity, found = leapfrog.step(travelled, velocity, acting, kick, 1.0)
@@ -242,20 +242,22 @@ def _scan(
 
         still = jnp.zeros((), motion.position.dtype)
         memory = motion.memory.carried(history.partners(listed, box))
+        memories = history.apart(memory, len(box.walled_axes))
         begin = (
             jnp.zeros_like(motion.position),
             motion.velocity,
             motion.spin,
-            memory,
+            memories,
             motion.overlap,
             still,
         )
-        (travelled, velocity, spin, memory, deepest, farthest), _ = lax.scan(
+        (travelled, velocity, spin, memories, deepest, farthest), _ = lax.scan(
             step, begin, length=cuts.steps
         )
         outran = (2.0 * jnp.sqrt(farthest) > skin_left) & (particles > 1)
         fault = motion.fault | listed.overflow | jnp.where(outran, int(Fault.OUTRAN_LIST), 0)
         position = motion.position + travelled
+        memory = history.together(*memories)
         return Motion(position, velocity, spin, memory, deepest, fault), None
 
     def frame(motion: Motion, _):

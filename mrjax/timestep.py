@@ -131,9 +131,10 @@ def largest_stable_step(
 
 def _largest(law: Callable, modulus, radius, mass, overlap, dissipation, damping) -> Array:
     """The largest dashpot of every particle, () or (N,), over a table of pairs."""
-    of_particle = (jnp.expand_dims(leaf, -1) for leaf in (modulus, radius, mass))
-    of_pairs = (jnp.ravel(leaf) for leaf in jnp.broadcast_arrays(dissipation, damping))
-    return jnp.max(law(*of_particle, overlap, *of_pairs), axis=-1)
+    shape = jnp.broadcast_shapes(*map(jnp.shape, (modulus, radius, mass)))
+    of_particle = (jnp.reshape(leaf, (-1, 1)) for leaf in (modulus, radius, mass))
+    of_pairs = (jnp.reshape(leaf, (1, -1)) for leaf in (dissipation, damping))
+    return jnp.max(law(*of_particle, overlap, *of_pairs), axis=-1).reshape(shape)
 
 
 def _pair(parameters: Parameters) -> tuple[Array, Array, Array, Array]:
