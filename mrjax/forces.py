@@ -89,21 +89,15 @@ def total(
         between = pairs.between_particles(parameters, material, neighbours.partner)
 
         def loads(displacement, velocity, spin, memory: Memories) -> Loads:
+            position = reference + displacement
+            meetings = (
+                _with_partners(displacement, velocity, spin, neighbours, radius),
+                _with_walls(position, velocity, spin, box, radius),
+            )
             force, torque = pull, jnp.zeros_like(pull)
             deepest = jnp.full_like(radius, -jnp.inf)
             remembered = []
-            for meeting, surfaces, before in (
-                (
-                    _with_partners(displacement, velocity, spin, neighbours, radius),
-                    between,
-                    memory[0],
-                ),
-                (
-                    _with_walls(reference + displacement, velocity, spin, box, radius),
-                    at_wall,
-                    memory[1],
-                ),
-            ):
+            for meeting, surfaces, before in zip(meetings, (between, at_wall), memory, strict=True):
                 acting, turning, after = _contact(meeting, surfaces, before, laws, time_step)
                 force = force + _summed(acting)
                 torque = torque if turning is None else torque + _summed(turning)

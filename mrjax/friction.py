@@ -88,6 +88,7 @@ def tangential_force(
     # As displacements: forces over K_t, which is kept from zero where nothing overlaps.
     softness = 1.0 / jnp.maximum(spring, mindlin * jnp.sqrt(contact.ROUNDING * radius))
     limit = friction * normal_force * softness
-    stretch = times(history.shortening(stretch, limit), stretch)
+    yielding = history.shortening(stretch, limit)
+    stretch = times(jnp.where(normal_force > 0.0, yielding, 0.0), stretch)
     borne = plus(stretch, dashpot * softness, slip)
     return times(-spring * history.shortening(borne, limit), borne), stretch

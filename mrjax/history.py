@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
-from jax import Array
+from jax import Array, lax
 
 from mrjax.box import Box
 from mrjax.neighbours import Neighbours
-from mrjax.vectors import Vector, cross, dot, plus
+from mrjax.vectors import Vector, cross, dot, plus, times
 
 NOBODY = -1
 WALLS = (-2, -3, -4)
@@ -154,7 +154,14 @@ def turned(vector: Vector, normal: Vector, turn: Vector, twist: Array) -> Vector
 
 
 def shortening(vector: Vector, longest: Array) -> Array:
-    """The factor, at most 1, that shortens a vector to a length; finite at zero length."""
+    """The factor, 0 to 1, that shortens a vector to a length; 1 at zero length.
+
+    Its derivatives are finite. A common scale does not change it, and keeps squares in the range of
+    single precision.
+    """
+    size = jnp.abs(vector[0]) + jnp.abs(vector[1]) + jnp.abs(vector[2]) + longest
+    scale = 1.0 / lax.stop_gradient(jnp.where(size > 0.0, size, 1.0))
+    vector, limit = times(scale, vector), scale * longest
     square = dot(vector, vector)
-    longer = square > longest**2
-    return jnp.where(longer, longest / jnp.sqrt(jnp.where(longer, square, 1.0)), 1.0)
+    longer = square > limit**2
+    return jnp.where(longer, limit / jnp.sqrt(jnp.where(longer, square, 1.0)), 1.0)

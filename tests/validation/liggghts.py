@@ -1,30 +1,37 @@
-"""Collisions of LIGGGHTS 3.8, an independent code, and three differences between its law and ours.
+"""Collisions of LIGGGHTS 3.8, an independent code whose law differs from ours where it is damped.
 
-1. Its damped normal force may pull at the end of a contact; ours ends where it would.
-2. It limits friction by mu |F_n| of that force, so that friction goes on while it pulls.
-3. It leaves the tangential dashpot out while the spring slides.
-
-Where there is no damping none of the three matters and the codes must agree. Where there is, each
-law is integrated here, in the plane of motion, by a few lines that share nothing with the package:
-LIGGGHTS must agree with its own law, and the package with its own.
+Where there is no damping the codes must agree. Where there is, LIGGGHTS must agree with its own law
+and the package with its own, integrated in `two_laws`.
 """
 
 import json
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import jax
 import numpy as np
 from matplotlib.figure import Figure
 
 import mrjax
-from mrjax import contact
 
+from .reference import DATA
 from .row import Row
+from .two_laws import DIFFERENCES, Motion, integrated
 
-DATA = Path(__file__).parents[1] / "data" / "liggghts"
+NOTE = """\
+Without damping the two codes must agree; with it their laws differ (see below), and each is held to
+an integration of its own law. "Largest difference of force" is over the collision, and its error
+relative to the peak of the force.
+"""
+
+DIFFERENCES_NOTE = f"""\
+Damped impacts of the package beside LIGGGHTS. The rows above show that each code does what its law
+says; what is left below is what the laws differ in:
+
+{DIFFERENCES}"""
+
+COLLISIONS = DATA / "liggghts"
 FINAL, HISTORY = 0.005, 0.02
 """Bars: of velocities and spins after the impact, and of forces, relative to their peak."""
 
@@ -32,26 +39,16 @@ FRAMES = 150
 SPACING = 6.0  # diameters between one collision and the next
 
 
-@dataclass(frozen=True)
-class Motion:
-    """The first sphere of a collision along time; SI."""
-
-    time: np.ndarray
-    velocity: np.ndarray  # x, z, (T, 2)
-    spin: np.ndarray  # y, (T,)
-    force: np.ndarray  # x, z, (T, 2)
-
-
 @cache
 def collisions() -> list[dict]:
     """The cases, with materials, initial states and what LIGGGHTS ended with."""
-    return json.loads((DATA / "collisions.json").read_text())["collisions"]
+    return json.loads((COLLISIONS / "collisions.json").read_text("utf-8"))["collisions"]
 
 
 def theirs(case: dict) -> Motion:
     """What LIGGGHTS computed."""
     time, vx, vz, spin, fx, fz = np.loadtxt(
-        DATA / f"{case['tag']}.csv", delimiter=",", skiprows=1, unpack=True
+        COLLISIONS / f"{case['tag']}.csv", delimiter=",", skiprows=1, unpack=True
     )
     return Motion(time, np.stack([vx, vz], 1), spin, np.stack([fx, fz], 1))
 
@@ -123,71 +120,6 @@ def _ours(cases: list[dict]) -> dict[str, Motion]:
     }
 
 
-def integrated(case: dict, *, as_liggghts: bool) -> Motion:
-    """The same collision by either law, integrated in the plane of motion.
-
-    Velocity Verlet of one sphere; its partner is its mirror image, or the wall.
-
-    Forces are Hertz' and Mindlin's of overlap d and tangential displacement s,
-    F_n = 4/3 E* sqrt(R* d) d + z sqrt(5 m* k) d^(1/4) d' and likewise along the surface.
-    """
-    radius, wall, step = case["diameter"] / 2, case["wall"], case["time_step"]
-    mass = 4 / 3 * np.pi * radius**3 * case["density"]
-    nu, friction = case["poisson_ratio"], case["friction"]
-    modulus = case["elastic_modulus"] / (2 * (1 - nu**2))  # E*: both surfaces of one material
-    shear = case["elastic_modulus"] / (4 * (2 - nu) * (1 + nu))  # G*
-    pair_radius, pair_mass = (radius, mass) if wall else (radius / 2, mass / 2)
-    log = np.log(case["restitution"])
-    damping = (
-        -log / np.hypot(np.pi, log)
-        if as_liggghts
-        else float(contact.damping_ratio(float(case["restitution"])))
-    )
-    x, z = case["positions"][0][0], case["positions"][0][2]
-    vx, vz = case["velocities"][0][0], case["velocities"][0][2]
-    spin = stretch = ax = az = turning = 0.0
-    record = [(0.0, vx, vz, 0.0, 0.0, 0.0)]
-    for number in range(1, case["steps"] + 1):
-        vx, vz, spin = vx + 0.5 * step * ax, vz + 0.5 * step * az, spin + 0.5 * step * turning
-        x, z = x + step * vx, z + step * vz
-        distance = z if wall else 2 * np.hypot(x, z)
-        overlap = (radius if wall else 2 * radius) - distance
-        nx, nz = (0.0, 1.0) if wall else (2 * x / distance, 2 * z / distance)
-        tx, tz = nz, -nx
-        fn = ft = 0.0
-        if overlap > 0:
-            share = 1 if wall else 2  # the mirror image moves as much the other way
-            arm = radius - overlap / 2
-            closing = -share * (vx * nx + vz * nz)
-            slip = share * (vx * tx + vz * tz - arm * spin)
-            root = np.sqrt(pair_radius * overlap)
-            normal, tangential = 2 * modulus * root, 8 * shear * root
-            fn = 2 / 3 * normal * overlap + damping * np.sqrt(10 / 3 * pair_mass * normal) * closing
-            dashpot = damping * np.sqrt(10 / 3 * pair_mass * tangential)
-            if not as_liggghts:
-                fn = max(fn, 0.0)
-            limit = friction * abs(fn)
-            stretch += step * slip
-            if abs(tangential * stretch) > limit:
-                stretch = np.sign(stretch) * limit / tangential
-                ft = -tangential * stretch
-                if not as_liggghts:
-                    ft = -np.clip(tangential * stretch + dashpot * slip, -limit, limit)
-            else:
-                ft = -(tangential * stretch + dashpot * slip)
-                if not as_liggghts:
-                    ft = np.clip(ft, -limit, limit)
-            torque = -arm * ft  # about y: (-arm n) x (ft t), with n x t = -y
-        else:
-            stretch = torque = 0.0
-        fx, fz = fn * nx + ft * tx, fn * nz + ft * tz
-        ax, az, turning = fx / mass, fz / mass, torque / (0.4 * mass * radius**2)
-        vx, vz, spin = vx + 0.5 * step * ax, vz + 0.5 * step * az, spin + 0.5 * step * turning
-        record.append((number * step, vx, vz, spin, fx, fz))
-    time, vx, vz, spin, fx, fz = np.array(record).T
-    return Motion(time, np.stack([vx, vz], 1), spin, np.stack([fx, fz], 1))
-
-
 def rows() -> list[Row]:
     """Every collision against LIGGGHTS; damped oblique ones law by law."""
     found = []
@@ -214,7 +146,7 @@ def differences() -> list[Row]:
 
 
 def figures() -> dict[str, Figure]:
-    """Contact forces of both codes along time; grey dots LIGGGHTS, lines the package."""
+    """Contact forces of both codes along time."""
     shown = {
         "glass1mm_pair_oblique45_mu03_e1": "pair, 45°, e = 1",
         "glass1mm_wall_oblique45_mu03_e1": "wall, 45°, e = 1",
@@ -224,19 +156,25 @@ def figures() -> dict[str, Figure]:
     figure = Figure(figsize=(7.0, 4.8), layout="constrained")
     cases = {case["tag"]: case for case in collisions()}
     for axes, (tag, title) in zip(figure.subplots(2, 2).flat, shown.items(), strict=True):
-        reference, computed = theirs(cases[tag]), ours()[tag]
-        for column, (name, line) in enumerate((("x", "--"), ("z", "-"))):
+        known, computed = theirs(cases[tag]), ours()[tag]
+        for column, (name, line) in enumerate((("x", "k--"), ("z", "k-"))):
             axes.plot(
-                1e6 * reference.time, 1e3 * reference.force[:, column], ".", color="0.7", ms=4
+                1e6 * known.time,
+                1e3 * known.force[:, column],
+                ".",
+                color="0.7",
+                markersize=4,
+                label="LIGGGHTS" if name == "x" else None,
             )
             axes.plot(
                 1e6 * computed.time,
                 1e3 * computed.force[:, column],
-                f"k{line}",
-                lw=1,
-                label=f"F_{name}",
+                line,
+                linewidth=1,
+                label=f"$F_{name}$",
             )
         axes.set_title(title, fontsize=9)
+        axes.set_xlim(0, 110)
         axes.set_xlabel("time, µs")
         axes.set_ylabel("force, mN")
         axes.legend(frameon=False)

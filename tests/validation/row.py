@@ -1,6 +1,9 @@
-"""One line of the validation page: a number that is known, and the one that was computed."""
+"""Lines of the validation page: a number that is known, and the one that was computed."""
 
 from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
 
 
 @dataclass(frozen=True)
@@ -28,3 +31,43 @@ class Row:
     def passes(self) -> bool:
         """Whether the error keeps to the bar."""
         return self.bar is None or self.error <= self.bar
+
+
+TIE = 1e-3
+"""Errors that differ by less than this fraction of the bar count as equal; the first one is shown,
+whatever the rounding of a machine."""
+
+
+def worst(
+    case: str,
+    quantity: str,
+    at: np.ndarray,
+    reference: ArrayLike,
+    computed: np.ndarray,
+    *,
+    name: str,
+    **keywords,
+) -> Row:
+    """The comparison with the largest error, of many.
+
+    Args:
+      case, quantity: of all.
+      at: what distinguishes them, (N,).
+      reference: (N,), or one for all.
+      computed: (N,).
+      name: how to print what distinguishes them, as "{:.0f} deg".
+      **keywords: of the row.
+    """
+    of_many = f"{quantity}, worst of {len(at)}" if len(at) > 1 else quantity
+    rows = [
+        Row(
+            case,
+            f"{of_many}: {name.format(where)}",
+            float(known),
+            float(found),
+            **keywords,
+        )
+        for where, known, found in zip(at, *np.broadcast_arrays(reference, computed), strict=True)
+    ]
+    largest = max(row.error for row in rows)
+    return next(row for row in rows if row.error >= largest - TIE * row.bar)

@@ -1,0 +1,350 @@
+"""Tangential contact: Mindlin's spring within Coulomb's limit (Son 2018, Eqs. 7 and 8)."""
+
+from functools import partial
+from itertools import product
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from jax import lax
+
+from mrjax import contact, friction
+
+EXACT = 1e-13  # a handful of roundings in double precision
+near = partial(pytest.approx, rel=EXACT, abs=0.0)  # its own abs passes all within 1e-12
+
+# --- coefficients ---------------------------------------------------------------------------------
+
+
+def test_effective_shear_modulus():
+    # 2 (2 - 0.5) (1 + 0.5) / 3 + 2 (2 - 0.25) (1 + 0.25) / 4 = 1.5 + 1.09375
+    assert friction.effective_shear_modulus(3.0, 0.5, 4.0, 0.25) == near(1 / 2.59375)
+    # Like surfaces: G / (2 (2 - nu)), here of glass with G = 20 GPa.
+    assert friction.effective_shear_modulus(48e9, 0.2, 48e9, 0.2) == near(20e9 / 3.6)
+
+
+def test_a_rigid_wall_leaves_the_particle_its_shear_modulus():
+    at = (48e9, 0.2, jnp.asarray(jnp.inf), 0.0)
+    assert friction.effective_shear_modulus(*at) == near(20e9 / 1.8)
+    slopes = jax.grad(friction.effective_shear_modulus, (0, 1, 2, 3))(*at)
+    # G* = E / (2 (2 - nu) (1 + nu)), whatever the wall.
+    shape = 1.8 * 1.2
+    expected = [0.5 / shape, -0.5 * 48e9 * (1 - 2 * 0.2) / shape**2, 0.0, 0.0]
+    np.testing.assert_allclose(np.array(slopes), expected, rtol=EXACT)
+
+
+@pytest.mark.parametrize("poisson", [0.0, 0.2, 0.5])
+def test_mindlins_ratio_of_the_stiffnesses(poisson):
+    """K_t / K_n = 2 (1 - nu) / (2 - nu), whatever the overlap (Mindlin 1949)."""
+    material = (7.0, poisson, 7.0, poisson)
+    tangential = friction.stiffness(friction.effective_shear_modulus(*material), 4.0, 0.3)
+    normal = contact.stiffness(contact.effective_modulus(*material), 4.0, 0.3)
+    assert tangential / normal == near(2 * (1 - poisson) / (2 - poisson))
+
+
+def test_stiffness_and_damping_coefficient():
+    assert friction.stiffness(3.0, 4.0, 0.25) == near(24.0)  # 8 * 3 * sqrt(4 * 0.25)
+    # 24 * 0.5 + 0.1 sqrt(10/3 * 5 * 24) = 12 + 2
+    assert friction.damping_coefficient(3.0, 4.0, 5.0, 0.25, 0.5, 0.1) == near(14.0)
+
+
+# --- the force and what is remembered -------------------------------------------------------------
+
+PAIR = dict(shear_modulus=3.0, radius=4.0, mass=5.0, friction=0.5)
+OVERLAP, STIFFNESS = 0.25, 24.0
+DAMPED = dict(dissipation=0.5, damping=0.1)  # 14 N s/m, as above
+# At this overlap Hertz's law is rounded off by 0.5e-14 R* / d = 8e-14 of itself.
+ROUNDED = 4e-13
+
+
+@jax.jit
+def grip(stretch, slip, overlap=OVERLAP, normal_force=10.0, **changes):
+    """Force and memory as arrays, (3,) each."""
+    force, kept = friction.tangential_force(
+        tuple(jnp.asarray(stretch, float)),
+        tuple(jnp.asarray(slip, float)),
+        jnp.asarray(overlap, float),
+        jnp.asarray(normal_force, float),
+        **{**PAIR, **changes},
+    )
+    return jnp.stack(force), jnp.stack(kept)
+
+
+def length(vector):
+    return float(np.linalg.norm(vector))
+
+
+STILL = np.zeros(3)
+ALONG = np.array([0.6, 0.0, -0.8])
+ACROSS = np.array([0.0, 1.0, 0.0])
+
+
+def test_a_sticking_contact_is_a_spring_with_a_dashpot():
+    stretch, slip = 0.1 * ALONG, 0.1 * ACROSS
+    force, kept = grip(stretch, slip)
+    np.testing.assert_allclose(force, -STIFFNESS * stretch, rtol=ROUNDED)
+    np.testing.assert_array_equal(kept, stretch)
+    force, kept = grip(stretch, slip, **DAMPED)
+    np.testing.assert_allclose(force, -STIFFNESS * stretch - 14.0 * slip, rtol=ROUNDED)
+    np.testing.assert_array_equal(kept, stretch)
+
+
+def test_a_sliding_contact_bears_the_limit_and_remembers_no_more():
+    # mu F_n = 5 N is borne by a spring of 24 N/m at 5/24 m.
+    force, kept = grip(0.7 * ALONG, ACROSS)
+    np.testing.assert_allclose(force, -5.0 * ALONG, rtol=ROUNDED)
+    np.testing.assert_allclose(kept, 5 / 24 * ALONG, rtol=ROUNDED)
+    # With a dashpot, the direction is that of both together.
+    force, kept = grip(0.7 * ALONG, ACROSS, **DAMPED)
+    both = 5.0 * ALONG + 14.0 * ACROSS
+    np.testing.assert_allclose(force, -5.0 * both / length(both), rtol=ROUNDED)
+    np.testing.assert_allclose(kept, 5 / 24 * ALONG, rtol=ROUNDED)
+
+
+def test_a_dashpot_alone_may_slide():
+    """The spring bears 2.4 N, both together sqrt(2.4^2 + 14^2) N: the memory stays."""
+    force, kept = grip(0.1 * ALONG, ACROSS, **DAMPED)
+    both = 2.4 * ALONG + 14.0 * ACROSS
+    np.testing.assert_allclose(force, -5.0 * both / length(both), rtol=ROUNDED)
+    np.testing.assert_array_equal(kept, 0.1 * ALONG)
+
+
+component = st.floats(-1.0, 1.0)
+vectors = st.tuples(component, component, component).map(np.array)
+
+
+@settings(deadline=None)  # the first call compiles
+@given(
+    stretch=vectors,
+    slip=vectors,
+    scale=st.sampled_from([1e-6, 1e-2, 1.0, 1e3]),
+    overlap=st.floats(1e-6, 0.5),
+    push=st.sampled_from([0.0, 1e-9]) | st.floats(0.01, 100.0),
+    mu=st.sampled_from([0.0, 1e-9]) | st.floats(0.01, 2.0),
+    damping=st.sampled_from([0.0, 0.1, 3.0]),
+)
+def test_coulombs_limit_and_the_direction(stretch, slip, scale, overlap, push, mu, damping):
+    stretch, slip = scale * stretch, scale * slip
+    damped = dict(dissipation=damping, damping=damping)
+    force, kept = grip(stretch, slip, overlap, push, friction=mu, **damped)
+    limit, spring = mu * push, float(friction.stiffness(3.0, 4.0, overlap))
+    more = 1 + ROUNDED + 2e-14 / overlap  # rounding off of the spring at small overlap
+    assert length(force) <= limit * more
+    assert spring * length(kept) <= limit * more
+    # The memory lies along the trial displacement, and is either all of it or at the limit.
+    np.testing.assert_allclose(np.cross(kept, stretch), 0.0, atol=1e-15 * scale**2)
+    assert kept @ stretch >= 0.0
+    if length(kept) < length(stretch) * (1 - 1e-12):
+        assert spring * length(kept) == pytest.approx(limit, rel=1e-12 + 2e-14 / overlap, abs=0.0)
+    # The force opposes what spring and dashpot bear.
+    coefficient = float(friction.damping_coefficient(3.0, 4.0, 5.0, overlap, damping, damping))
+    borne = spring * kept + coefficient * slip
+    assert force @ borne <= 0.0
+    np.testing.assert_allclose(
+        np.cross(force, borne), 0.0, atol=4e-14 / overlap * length(force) * length(borne)
+    )
+    alone, _ = grip(STILL, slip, overlap, push, friction=mu, **damped)
+    assert alone @ slip <= 0.0
+    if damping and mu * push > 1e-3 and length(slip) > 1e-6:
+        assert alone @ slip < 0.0
+
+
+@pytest.mark.parametrize("damped", [{}, DAMPED], ids=["spring", "spring and dashpot"])
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.99])
+def test_continuous_where_sticking_turns_into_sliding(share, damped):
+    """Along a path whose trial force, `share` of it the dashpot's, passes the limit of 5 N."""
+    coefficient = 14.0 if damped else 0.0
+    slip = share * 5.0 / 14.0 * ALONG
+    at_limit = (5.0 - coefficient * share * 5.0 / 14.0) / STIFFNESS
+    (before, kept_before), (after, kept_after) = (
+        grip(at_limit * (1 + side * 1e-9) * ALONG, slip, **damped) for side in (-1, 1)
+    )
+    # 2e-9 of the spring's 5 N, and of its stretch.
+    np.testing.assert_allclose(before, after, atol=1.1e-8)
+    np.testing.assert_allclose(kept_before, kept_after, atol=5e-10)
+    assert length(before) < length(after) * (1 - 1e-12) or share > 0.98
+    np.testing.assert_allclose(length(after), 5.0, rtol=ROUNDED)
+
+
+@pytest.mark.parametrize("overlap", [0.0, -1e-12, -0.3])
+def test_apart_there_is_no_force_and_no_memory(overlap):
+    force, kept = grip(ALONG, ACROSS, overlap, 0.0, **DAMPED)
+    assert (force == 0).all() and (kept == 0).all()
+
+
+def test_a_contact_that_bears_nothing_remembers_nothing():
+    """A separation so fast that the damped normal force has ended before the overlap."""
+    force, kept = grip(0.1 * ALONG, ACROSS, OVERLAP, 0.0, **DAMPED)
+    assert (force == 0).all() and (kept == 0).all()
+    force, kept = grip(0.1 * ALONG, ACROSS, friction=0.0, **DAMPED)
+    assert (force == 0).all() and (kept == 0).all()
+
+
+# --- work -----------------------------------------------------------------------------------------
+
+
+@jax.jit
+def along(path, time_step, damping):
+    """Forces of a contact dragged along displacements (n, 3) from the first, and the memories."""
+
+    def step(stretch, change):
+        force, kept = grip(
+            stretch + change, change / time_step, dissipation=damping, damping=damping
+        )
+        return kept, (force, kept)
+
+    return lax.scan(step, jnp.zeros(3), jnp.diff(path, axis=0))[1]
+
+
+def test_hysteresis_of_a_sliding_cycle():
+    """To and fro by +-A: 4 mu F_n (A - mu F_n / K_t) is lost in every cycle."""
+    farthest, yields = 16 / 24, 5 / 24
+    there = np.linspace(-farthest, farthest, 129)  # the contact yields at points of this path
+    path = np.concatenate([there, there[-2::-1], there[1:], there[-2::-1]])
+    force = np.asarray(along(path[:, None] * ALONG, 1.0, 0.0)[0] @ ALONG)
+    cycle = force[-257:]  # after the first leg and its return: steady
+    work = 0.5 * (cycle[1:] + cycle[:-1]) @ np.diff(path)[-256:]
+    assert work == near(-4 * 5.0 * (farthest - yields), rel=1e-12)
+
+
+def test_an_elastic_cycle_loses_nothing():
+    turn = np.linspace(0.0, 2 * np.pi, 2001)[:, None]
+    path = 0.05 * ((1 - np.cos(turn)) * ALONG + np.sin(turn) * ACROSS)  # within 0.1 < 5/24 m
+    force, kept = along(path, 1.0, 0.0)
+    np.testing.assert_allclose(kept[-1], 0.0, atol=1e-15)
+    mean = 0.5 * (force[1:] + force[:-1])
+    work = float(jnp.sum(mean * np.diff(path, axis=0)[1:]))
+    assert abs(work) < 1e-4 * 0.5 * STIFFNESS * 0.1**2  # the first of 2000 steps left out
+
+
+steps = st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)), min_size=24, max_size=24)
+
+
+@settings(deadline=None)
+@given(steps, st.sampled_from([0.01, 0.1, 0.5]), st.sampled_from([0.0, 0.05, 1.0]))
+def test_closed_cycles_dissipate(steps, size, damping):
+    """Along any closed path; the force of each step acts along it, as in a run."""
+    changes = size * np.array(steps)
+    changes = np.concatenate([changes, -changes.sum(axis=0, keepdims=True)])
+    path = np.concatenate([np.zeros((1, 2)), np.cumsum(changes, axis=0)]) @ [ALONG, ACROSS]
+    force, kept = along(path, 0.1, damping)
+    work = float(jnp.sum(force * np.diff(path, axis=0)))
+    stored = 0.5 * STIFFNESS * float(kept[-1] @ kept[-1])
+    # What the spring still holds has been put in as well. Rounding of 25 terms.
+    assert work + stored <= 1e-12 * size * 5.0
+
+
+# --- derivatives ----------------------------------------------------------------------------------
+
+
+def law(point):
+    """Normal and tangential law together, as in a run; force and memory, (6,)."""
+    closing, modulus, shear_modulus, radius, mass, mu, dissipation, tangential, damping = point[7:]
+    overlap = point[6]
+    push = contact.normal_force(overlap, closing, modulus, radius, mass, dissipation, damping)
+    force, kept = friction.tangential_force(
+        tuple(point[:3]),
+        tuple(point[3:6]),
+        overlap,
+        push,
+        shear_modulus=shear_modulus,
+        radius=radius,
+        mass=mass,
+        friction=mu,
+        dissipation=tangential,
+        damping=damping,
+    )
+    return jnp.stack([*force, *kept])
+
+
+GLASS = (0.005, 1.0, 25e9, 5.6e9, 0.005, 0.0059, 1e-6)
+REDUCED = (1.0, 0.01, 2.0, 1.5, 0.5, 2.0, 0.3)  # as within a run
+BETWEEN = (ALONG + ACROSS) / np.sqrt(2)
+
+
+def points(units, dtype):
+    """Apart, touching, overlapping; without stretch, slip, friction or damping; stick and slide."""
+    size, speed, *pair, time = units
+    # Rounding of positions leaves no smaller overlap than eps.
+    resolved = (d for d in (1e-15, 1e-14, 1e-10, 1.2e-7, 1e-3, 0.1) if d > jnp.finfo(dtype).eps)
+    overlaps = (-1.0, -1e-7, 0.0, *resolved)
+    kinds = product(
+        (0.0, 1e-12, 1e-4, 1.0), (0.0, 1e-9, 1.0), overlaps, (-1, 0, 1), (0.0, 0.4), (0, 1)
+    )
+    rows = []
+    for stretch, slip, overlap, closing, mu, damped in kinds:
+        motion = (*stretch * size * ALONG, *slip * speed * BETWEEN, overlap * size, closing * speed)
+        rows.append((*motion, *pair, mu, damped * time, damped * time, 0.4 * damped))
+    return jnp.asarray(np.array(rows), dtype)
+
+
+def weighed(point):
+    """One number that no component of the law drops out of."""
+    return jnp.dot(jnp.asarray([1.0, 2.0, -3.0, 0.5, -0.7, 1.1], point.dtype), law(point))
+
+
+DERIVATIVES = {
+    name: jax.jit(jax.vmap(of))
+    for name, of in {
+        "value": weighed,
+        "reverse": jax.grad(weighed),
+        "forward": jax.jacfwd(weighed),
+        "forward over reverse": jax.jacfwd(jax.grad(weighed)),
+        "forward over forward": jax.jacfwd(jax.jacfwd(weighed)),
+    }.items()
+}
+
+
+@pytest.mark.parametrize("units, dtype", [(GLASS, float), (REDUCED, float), (REDUCED, jnp.float32)])
+def test_first_and_second_derivatives_are_finite_everywhere(units, dtype):
+    at = points(units, dtype)
+    found = {name: of(at) for name, of in DERIVATIVES.items()}
+    apart = at[:, 6] < 0
+    for name, value in found.items():
+        assert value.dtype == at.dtype
+        assert jnp.isfinite(value).all(), name
+        assert (value[apart] == 0).all(), name
+    # Rounding, a thousand times over where terms cancel.
+    forward, reverse = found["forward"], found["reverse"]
+    rounding = 1e3 * jnp.finfo(dtype).eps * jnp.max(jnp.abs(forward), axis=0, keepdims=True)
+    assert (jnp.abs(forward - reverse) <= rounding).all()
+
+
+# stretch, slip (m/s), closing (m/s), friction, A, B and z: of every kind, away from the switches
+KINDS = {
+    "sticking": (1e-3, 1e-4, 0.01, 0.4, 0.3, 0.2, 0.3),
+    "resting": (1e-3, 0.0, 0.0, 0.4, 0.0, 0.0, 0.0),
+    "sliding": (0.1, 0.01, 0.01, 0.4, 0.3, 0.2, 0.3),
+    "sliding on the dashpot": (1e-3, 0.1, 0.01, 0.4, 0.3, 0.2, 0.3),
+    "opening": (0.1, 0.01, -0.005, 0.4, 0.3, 0.2, 0.3),
+}
+
+
+def test_gradients_are_central_differences():
+    at = jnp.array(
+        [
+            [*stretch * ALONG, *slip * BETWEEN, 0.02, closing, 2.0, 1.5, 0.5, 2.0, mu, a, b, z]
+            for stretch, slip, closing, mu, a, b, z in KINDS.values()
+        ]
+    )
+    kept = np.asarray(jax.jit(jax.vmap(law))(at)[:, 3:])
+    held = np.linalg.norm(kept, axis=1) / np.linalg.norm(at[:, :3], axis=1)
+    np.testing.assert_array_less(held[[2, 4]], 0.9)  # those that slide
+    np.testing.assert_allclose(held[[0, 1, 3]], 1.0, rtol=EXACT)
+    value, gradient = DERIVATIVES["value"], DERIVATIVES["forward"](at)
+    step = 1e-6 * jnp.maximum(jnp.abs(at), 1e-2)
+    for axis in range(at.shape[1]):
+        change = jnp.zeros_like(at).at[:, axis].set(step[:, axis])
+        central = (value(at + change) - value(at - change)) / (2 * step[:, axis])
+        # Rounding over the step, 1e-17 / 1e-8, and truncation.
+        np.testing.assert_allclose(gradient[:, axis], central, rtol=1e-7, atol=1e-8)
+
+
+def test_the_derivative_with_respect_to_friction_where_there_is_none():
+    """From mu = 0 upwards, -F_n along what the spring would bear: a fit may start there."""
+    for of in (jax.jacfwd, jax.jacrev):
+        slope = of(lambda mu: grip(0.1 * ALONG, STILL, friction=mu)[0])(0.0)
+        np.testing.assert_allclose(slope, -10.0 * ALONG, rtol=ROUNDED)
