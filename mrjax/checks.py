@@ -62,7 +62,7 @@ def meaningful(parameters: Parameters, particles: int, material: Array | None) -
         if isinstance(leaf, list | tuple):
             raise InputError(f"{quantity.name} is a list; give a number or an array")
         if quantity.metadata["pair"]:
-            _table(leaf, quantity.name, materials)
+            _table(leaf, quantity.name, materials, material is None)
         elif np.shape(leaf) not in ((), (particles,)):
             raise InputError(
                 f"{quantity.name} has shape {np.shape(leaf)}; give one number, or one for each of "
@@ -85,21 +85,30 @@ def meaningful(parameters: Parameters, particles: int, material: Array | None) -
             )
 
 
-def _table(leaf: ArrayLike, name: str, materials: int | None) -> None:
-    """Refuses what is neither one number nor a table of materials, the walls last."""
+def _table(leaf: ArrayLike, name: str, materials: int | None, one: bool) -> None:
+    """Refuses what is neither one number nor a table of materials, the walls last.
+
+    Args:
+      leaf, name: of the parameter.
+      materials: how many there are at least; None where that is traced.
+      one: whether all particles are of one material, and have no index into a larger table.
+    """
     shape = np.shape(leaf)
     if shape == ():
         return
     square = len(shape) == 2 and shape[0] == shape[1] and shape[0] >= 2
-    if not square or materials not in (None, shape[0] - 1):
+    if not square or (materials is not None and shape[0] <= materials) or (one and shape[0] > 2):
         wanted = "" if materials is None else f", here {(materials + 1,) * 2}"
         raise InputError(
             f"{name} has shape {shape}; give one number, or a table with a row and a column for "
             f"each material and a last one for the walls{wanted}"
         )
     values = concrete(leaf)
-    if values is not None and not np.array_equal(values, values.T):
-        raise InputError(f"{name} differs between a pair of materials and the same pair reversed")
+    for i, j in [] if values is None else np.argwhere(values != values.T):
+        raise InputError(
+            f"{name}[{i}, {j}] = {values[i, j]:g} and {name}[{j}, {i}] = {values[j, i]:g}: the "
+            "same two materials; give a symmetric table"
+        )
 
 
 def inside_walls(position: np.ndarray | None, box: Box) -> None:

@@ -146,11 +146,9 @@ def turned(vector: Vector, normal: Vector, turn: Vector, twist: Array) -> Vector
       turn: how the normal changed since.
       twist: angle by which the two surfaces together turned about the normal, rad.
     """
-    about = cross(normal, vector)
-    shrunk = 1.0 - 0.5 * twist**2
-    vector = tuple(shrunk * v + twist * a for v, a in zip(vector, about, strict=True))
     # Perpendicular to the old normal, n - turn: R v = v - (v.n)(n + n_old) / (1 + n.n_old).
-    return plus(vector, -dot(vector, normal), plus(normal, -0.5, turn))
+    vector = plus(vector, -dot(vector, normal), plus(normal, -0.5, turn))
+    return plus(times(1.0 - 0.5 * twist**2, vector), twist, cross(normal, vector))
 
 
 def shortening(vector: Vector, longest: Array) -> Array:

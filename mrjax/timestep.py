@@ -98,7 +98,7 @@ def largest_stable_step(
     modulus, shear_modulus, radius, mass = _pair(parameters)
     damping = contact.damping_ratio(parameters.restitution)
     normal = contact.stiffness(modulus, radius, overlap)
-    grips = jnp.any(parameters.friction > 0.0)
+    grips = jnp.any(_of_particles(parameters.friction) > 0.0)
     tangential = jnp.where(grips, friction.stiffness(shear_modulus, radius, overlap), 0.0)
     impact = _largest(
         contact.damping_coefficient, modulus, radius, mass, overlap, parameters.dissipation, damping
@@ -133,8 +133,13 @@ def _largest(law: Callable, modulus, radius, mass, overlap, dissipation, damping
     """The largest dashpot of every particle, () or (N,), over a table of pairs."""
     shape = jnp.broadcast_shapes(*map(jnp.shape, (modulus, radius, mass)))
     of_particle = (jnp.reshape(leaf, (-1, 1)) for leaf in (modulus, radius, mass))
-    of_pairs = (jnp.reshape(leaf, (1, -1)) for leaf in (dissipation, damping))
+    of_pairs = (jnp.reshape(_of_particles(leaf), (1, -1)) for leaf in (dissipation, damping))
     return jnp.max(law(*of_particle, overlap, *of_pairs), axis=-1).reshape(shape)
+
+
+def _of_particles(table: Array) -> Array:
+    """A number, or the rows of a table that hold a particle: walls do not meet walls."""
+    return table if jnp.ndim(table) == 0 else table[:-1]
 
 
 def _pair(parameters: Parameters) -> tuple[Array, Array, Array, Array]:

@@ -215,7 +215,11 @@ ADVICE = r"; give one number, or a table with a row and a column for each materi
 
 @pytest.mark.parametrize("name", TABLED)
 def test_tables_that_fit_are_accepted(name):
-    for leaf, materials in ((SYMMETRIC[:2, :2], None), (SYMMETRIC, jnp.array([0, 1, 1]))):
+    for leaf, materials in (
+        (SYMMETRIC[:2, :2], None),
+        (SYMMETRIC, jnp.array([0, 1, 1])),
+        (SYMMETRIC, jnp.array([0, 0, 0])),  # the second has run out
+    ):
         checks.meaningful(GRAIN.replace(**{name: leaf}), 3, materials)
 
 
@@ -228,7 +232,11 @@ def test_tables_that_fit_are_accepted(name):
         (SYMMETRIC[:2, :2], [0, 1, 1], r"friction has shape \(2, 2\).*here \(3, 3\)"),
         (SYMMETRIC, [0, 1, 3], r"friction has shape \(3, 3\).*here \(5, 5\)"),
         (SYMMETRIC, None, r"friction has shape \(3, 3\).*here \(2, 2\)"),
-        (SYMMETRIC.at[0, 1].set(0.7), [0, 1, 1], "friction differs between a pair of materials"),
+        (
+            SYMMETRIC.at[0, 1].set(0.7),
+            [0, 1, 1],
+            r"friction\[0, 1\] = 0.7 and friction\[1, 0\] = 0.2: .* give a symmetric table",
+        ),
         (SYMMETRIC.at[1, 1].set(-0.7), [0, 1, 1], "friction = -0.7 must be at least 0"),
         (SYMMETRIC, [0, 1], r"materials have shape \(2,\); give one for each particle"),
     ],

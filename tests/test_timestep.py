@@ -224,3 +224,26 @@ def test_two_far_apart_take_any_step():
     run = mrjax.simulate(state, OVERDAMPED, BOX, duration=60.0, time_step=30.0)
     assert run.steps == 2
     assert run.deepest_overlap == 0.0
+
+
+def test_tables_and_values_for_each_particle_count_in_the_stable_step():
+    """Pair by pair; what the table says of walls on walls does not."""
+    damped = DRY_FALL.replace(elastic_modulus=DRY_FALL.elastic_modulus * jnp.array([1.0, 4.0]))
+    table = jnp.array([[0.9, 0.3], [0.3, 0.01]])
+    of_table, of_worst, of_mild = (
+        float(timestep.largest_stable_step(damped.replace(restitution=e), 1e-5))
+        for e in (table, 0.3, 0.9)
+    )
+    assert of_table == near(of_worst, rel=1e-12)
+    assert of_table < 0.9 * of_mild
+
+
+def test_friction_asks_for_shorter_steps():
+    """A pair that slides swings sqrt(7 K_t / 2 K_n) times as fast as one that bounces."""
+    rough = DRY_FALL.replace(friction=jnp.asarray(0.3))
+    smooth, gripping = (
+        float(timestep.largest_stable_step(of, 1e-5, timestep.TOUCHING_PAIR))
+        for of in (DRY_FALL, rough)
+    )
+    # Of the stiffest contact, that with the rigid wall; K_t / K_n = 2 (1 - nu) / (2 - nu).
+    assert smooth / gripping == near(np.sqrt(3.5 * 2 * 0.75 / 1.75), rel=1e-12)
