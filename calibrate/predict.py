@@ -47,7 +47,9 @@ def particles(recipe: Recipe, near: Parameters, seed: int = 0) -> ForwardModel:
     duration = RELAXATIONS * relaxation
     travel = MARGIN * float(mrjax.terminal_velocity(near).max()) * duration
     radius = np.asarray(particle.outer_radius(near))
-    apart = not checks.may_touch(np.asarray(state.position), radius, recipe.box, 2 * travel)
+    apart = not checks.may_touch(
+        np.asarray(state.position), radius, recipe.box, 2 * travel, state.contact_diameter
+    )
 
     def predict(parameters: Parameters) -> Prediction:
         if apart:  # friction would change nothing, and take twice as long to compile

@@ -36,7 +36,7 @@ def cli() -> None:
     "--time-step",
     type=float,
     metavar="SECONDS",
-    help="Longest step; left out, MIN(t_c, t_r)/20 (Eq. 29).",
+    help="Longest step; left out, MIN(t_c, t_r)/20 (Eq. 29), or t_r/20 while nothing can touch.",
 )
 @click.option(
     "--frames",

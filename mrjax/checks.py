@@ -1,6 +1,7 @@
 """What can be said against a call of `simulate` before it runs; concrete values only."""
 
 import dataclasses
+import math
 from functools import partial
 from numbers import Real
 
@@ -16,6 +17,9 @@ from mrjax.concrete import concrete
 from mrjax.errors import InputError
 from mrjax.neighbours import Plan
 from mrjax.parameters import Parameters
+
+LEAST_SKIN, ROOM_TO_GROW = 2.0**-6, 0.1
+"""In radii: of the list in which contacts are looked for."""
 
 
 def positive(value: ArrayLike, name: str, unit: str) -> float:
@@ -156,10 +160,14 @@ def wide_enough(box: Box, particles: int, cutoff: float) -> None:
             )
 
 
-def may_touch(position: np.ndarray | None, radius: np.ndarray, box: Box, travel: float) -> bool:
+def may_touch(
+    position: np.ndarray | None, radius: np.ndarray, box: Box, travel: float, diameter: float
+) -> bool:
     """Whether surfaces may come into contact while they approach each other by `travel`, m.
 
     True where positions, (N, 3) in m, or the travel are traced. `radius` is () or (N,), in m.
+    `diameter`, m, is about the largest contact diameter; calls that share it share a compiled
+    program.
     """
     if position is None or np.isnan(travel):
         return True
@@ -170,18 +178,19 @@ def may_touch(position: np.ndarray | None, radius: np.ndarray, box: Box, travel:
             return True
     if len(position) == 1:
         return False
-    unit = float(radius.max())
-    if 2 * unit + travel > min(box.size):
+    unit = diameter / 2
+    skin = 2.0 ** math.ceil(math.log2(max(travel / unit, LEAST_SKIN)))
+    cutoff = 2.0 * max(1.0, float(radius.max()) / unit) + skin
+    if cutoff * unit > min(box.size):
         return True
-    scaled = box.scaled(1 / unit)
-    in_reach = neighbours.plan(
-        scaled, len(position), 2.0, particle.typical_diameter(radius) / unit, travel / unit
-    )
+    scaled, typical = box.scaled(1 / unit), particle.typical_diameter(radius) / unit
+    # Radii a little larger than stated are in reach too, without another program.
+    in_reach = neighbours.plan(scaled, len(position), 2.0, round(typical, 1), skin + ROOM_TO_GROW)
     with jax.ensure_compile_time_eval():
         gap, overflow = _smallest_gap(
             jnp.asarray(position / unit, float), jnp.asarray(radius / unit), in_reach, scaled
         )
-    return bool(overflow) or float(gap) * unit <= travel
+    return bool(overflow) or cutoff > in_reach.cutoff or float(gap) * unit <= travel
 
 
 @partial(jax.jit, static_argnames=("plan", "box"))

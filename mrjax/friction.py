@@ -85,10 +85,9 @@ def tangential_force(
     mindlin = 8.0 * shear_modulus * jnp.sqrt(radius)
     spring = mindlin * root
     dashpot = spring * dissipation + damping * jnp.sqrt(10 / 3 * mass * mindlin) * fourth_root
-    # As displacements: forces over K_t, which is kept from zero where nothing overlaps.
-    softness = 1.0 / jnp.maximum(spring, mindlin * jnp.sqrt(contact.ROUNDING * radius))
-    limit = friction * normal_force * softness
-    yielding = history.shortening(stretch, limit)
-    stretch = times(jnp.where(normal_force > 0.0, yielding, 0.0), stretch)
-    borne = plus(stretch, dashpot * softness, slip)
-    return times(-spring * history.shortening(borne, limit), borne), stretch
+    limit, trial = friction * normal_force, stretch
+    stretch = times(history.shortening(times(spring, stretch), limit), stretch)
+    # Where nothing is borne the direction still matters, to the derivative with respect to mu.
+    held = tuple(jnp.where(limit > 0.0, s, t) for s, t in zip(stretch, trial, strict=True))
+    borne = plus(times(spring, held), dashpot, slip)
+    return times(-history.shortening(borne, limit), borne), stretch

@@ -152,7 +152,7 @@ def turned(vector: Vector, normal: Vector, turn: Vector, twist: Array) -> Vector
 
 
 def shortening(vector: Vector, longest: Array) -> Array:
-    """The factor, 0 to 1, that shortens a vector to a length; 1 at zero length.
+    """The factor, 0 to 1, that shortens a vector to a length; 0 where nothing is allowed.
 
     Its derivatives are finite. A common scale does not change it, and keeps squares in the range of
     single precision.
@@ -162,4 +162,5 @@ def shortening(vector: Vector, longest: Array) -> Array:
     vector, limit = times(scale, vector), scale * longest
     square = dot(vector, vector)
     longer = square > limit**2
-    return jnp.where(longer, limit / jnp.sqrt(jnp.where(longer, square, 1.0)), 1.0)
+    shortened = limit / jnp.sqrt(jnp.where(longer, square, 1.0))
+    return jnp.where(longer, shortened, jnp.where(longest > 0.0, 1.0, 0.0))

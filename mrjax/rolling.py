@@ -57,13 +57,9 @@ def rolling_torque(
     root, fourth_root = contact.roots(overlap, radius)
     arm = friction * radius
     hertz = 3.0 * modulus * jnp.sqrt(radius)  # 9/4 of 4/3
-    spring = hertz * root
-    # As displacements: torques over k_r, without its factor mu_r R*, which may be zero, and kept
-    # from zero where nothing overlaps.
-    softness = 1.0 / (hertz * jnp.maximum(root, jnp.sqrt(contact.ROUNDING * radius)))
-    limit = normal_force * softness
-    yielding = history.shortening(times(arm, roll), limit)
-    roll = times(jnp.where(normal_force > 0.0, yielding, 0.0), roll)
+    spring = hertz * root * arm
     dashpot = 2.0 * damping * jnp.sqrt(inertia * hertz) * fourth_root
-    borne = plus(times(arm, roll), dashpot * softness, rate)
-    return times(-arm * spring * history.shortening(borne, limit), borne), roll
+    # As forces at the arm mu_r R*, which may be zero.
+    roll = times(history.shortening(times(spring, roll), normal_force), roll)
+    borne = plus(times(spring, roll), dashpot, rate)
+    return times(-arm * history.shortening(borne, normal_force), borne), roll

@@ -56,8 +56,8 @@ def simulate(
       duration: s.
       frames: number of times at which observables are recorded, beside the start.
       time_step: longest step, s; shortened so that the steps fill the frames. Left out, it is
-        `mrjax.time_step(parameters)` (Eq. 29), or less where contacts are strongly damped. Never
-        differentiated through.
+        `mrjax.time_step(parameters)` (Eq. 29), or less where contacts are strongly damped, and
+        without its t_c where nothing can touch before the end. Never differentiated through.
       skin: reach of the neighbour list beyond contact, as a fraction of the contact diameter.
       rebuild_every: most steps between rebuilds of the list; left out, chosen so that nothing
         falls through the skin in between.
@@ -80,10 +80,13 @@ def simulate(
         radius = np.asarray(particle.outer_radius(numbers))
         diameter = schedule.contact_diameter(state, radius, slack=skin / 4)
         speed = schedule.fastest(velocity, numbers, box, duration)
-        largest = schedule.largest_stable_step(numbers, box, diameter, speed)
+        touch = state.contacts is not None or checks.may_touch(
+            position, radius, box, 2 * speed * duration, diameter
+        )
+        largest = schedule.largest_stable_step(numbers, box, diameter, speed) if touch else np.inf
         if time_step is None:
             # Eq. 29 knows nothing of dissipation, which may ask for less.
-            time_step = np.fmin(_chosen_step(numbers), largest)
+            time_step = np.fmin(_chosen_step(numbers, touch), largest)
         time_step = min(duration / frames, checks.positive(time_step, "time_step", "s"))
 
     typical = particle.typical_diameter(radius)
@@ -104,7 +107,7 @@ def simulate(
         plan = replace(plan, capacity=max(plan.capacity, remembered))
     checks.between_walls(box, diameter)
     checks.wide_enough(box, state.particles, plan.cutoff * diameter / 2)
-    if time_step > largest and checks.may_touch(position, radius, box, 2 * speed * duration):
+    if time_step > largest:
         raise InputError(
             f"time_step = {time_step:.4g} s is unstable for contacts this stiff; the largest that "
             f"would do is {0.995 * largest:.3g} s"
@@ -113,8 +116,11 @@ def simulate(
         rebuild_every = schedule.steps_within_skin(speed, time_step, skin * diameter)
     cuts = schedule.cut(duration, time_step, frames, checks.whole(rebuild_every, "rebuild_every"))
 
+    # Without a contact friction is only compiled.
+    laws = forces.laws(parameters) if touch else Laws(sliding=False, rolling=False)
+
     while True:
-        run = _run(state, parameters, box, duration, diameter / 2, plan, cuts)
+        run = _run(state, parameters, box, duration, diameter / 2, plan, cuts, laws)
         fault = concrete(run.fault)
         if fault is None or not fault.any():
             return run
@@ -135,12 +141,12 @@ def _run(
     unit_length: float,
     plan: Plan,
     cuts: Schedule,
+    laws: Laws,
 ) -> Run:
     """One attempt: SI to reduced units, the scan, and back."""
     time_step = duration / cuts.total
     units = Units(mass=1000.0 * unit_length**3, length=unit_length, time=time_step)
     dtype = state.position.dtype
-    laws = forces.laws(parameters)
     memory = history.recalled(
         state.contacts,
         state.position,
@@ -299,7 +305,9 @@ def _faults_of_motion(
     return sum(jnp.where(here, int(fault), 0) for here, fault in found).astype(jnp.int32)
 
 
-def _chosen_step(numbers: Parameters) -> float:
+def _chosen_step(numbers: Parameters, touch: bool) -> float:
+    if not touch:
+        return float(timestep.rise_time(numbers)) / timestep.REFINEMENT
     chosen = float(timestep.time_step(numbers))
     if np.isnan(chosen):
         raise InputError(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import mrjax
-from mrjax import forces, particle
+from mrjax import forces, particle, theory, timestep
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 
@@ -147,3 +147,25 @@ def test_walls_closer_than_a_particle_are_refused(size):
     state = mrjax.place([[5e-3, 5e-3, 0.95e-3]])
     with pytest.raises(mrjax.InputError, match=r"along z is not larger than a particle of 0\.002"):
         mrjax.simulate(state, GLASS, box, duration=1e-6, time_step=STEP)
+
+
+# --- before anything touches ----------------------------------------------------------------------
+
+
+def test_where_nothing_can_touch_the_step_resolves_the_rise_alone(case2):
+    state, parameters = mrjax.disperse(case2), case2.parameters()
+    rise = float(timestep.rise_time(parameters))
+    run = mrjax.simulate(state, parameters, case2.box, duration=4 * rise, frames=4)
+    assert 0.9 * rise / timestep.REFINEMENT < run.time_step <= rise / timestep.REFINEMENT
+    assert run.time_step > 10 * mrjax.time_step(parameters)
+    assert run.state.contacts is None
+    expected = theory.free_fall_velocity(parameters, run.times)
+    np.testing.assert_allclose(run.mean_velocity, expected, rtol=1e-9, atol=1e-20)
+
+
+def test_where_something_may_touch_the_step_resolves_it_and_friction_acts(case2):
+    parameters = case2.parameters()
+    state = mrjax.place([[10e-6, 10e-6, 2.0000001e-6]], [[0.0, 0.0, -1e-3]])
+    run = mrjax.simulate(state, parameters, case2.box, duration=1e-8)
+    assert run.time_step <= mrjax.time_step(parameters)
+    assert run.deepest_overlap > 0 and run.state.contacts is not None
