@@ -24,3 +24,10 @@ def case2() -> mrjax.Recipe:
 @pytest.fixture(scope="session")
 def case3() -> mrjax.Recipe:
     return mrjax.Recipe.load("case3")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled_programs_are_forgotten():
+    """After every file: each holds memory maps, of which Linux allows a process some 65,000."""
+    yield
+    jax.clear_caches()
