@@ -183,9 +183,10 @@ def may_touch(
     cutoff = 2.0 * max(1.0, float(radius.max()) / unit) + skin
     if cutoff * unit > min(box.size):
         return True
-    scaled, typical = box.scaled(1 / unit), particle.typical_diameter(radius) / unit
+    scaled = box.scaled(1 / unit)
     # Radii a little larger than stated are in reach too, without another program.
-    in_reach = neighbours.plan(scaled, len(position), 2.0, round(typical, 1), skin + ROOM_TO_GROW)
+    typical = math.ceil(10.0 * particle.typical_diameter(radius) / unit) / 10.0
+    in_reach = neighbours.plan(scaled, len(position), 2.0, typical, skin + ROOM_TO_GROW)
     with jax.ensure_compile_time_eval():
         gap, overflow = _smallest_gap(
             jnp.asarray(position / unit, float), jnp.asarray(radius / unit), in_reach, scaled

@@ -1,7 +1,5 @@
 """What contacts exert at one moment, for force chains, plots and comparisons."""
 
-from dataclasses import replace
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -42,10 +40,7 @@ def contact_forces(state: State, parameters: Parameters, box: Box) -> tuple[Arra
     laws = forces.laws(parameters)
     position = state.position / units.length
     scaled = box.scaled(1 / units.length)
-    plan = neighbours.plan(scaled, state.particles, 2.0, 2.0, 0.0)
-    if state.contacts is not None:
-        remembered = state.contacts.partner.shape[1] - len(box.walled_axes)
-        plan = replace(plan, capacity=max(plan.capacity, remembered))
+    plan = schedule.list_plan(state, radius, box, diameter, skin=0.0)
     while True:
         listed = neighbours.build(plan, scaled, position)
         overflow = concrete(listed.overflow)

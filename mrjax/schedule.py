@@ -8,9 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mrjax import particle, timestep
+from mrjax import neighbours, particle, timestep
 from mrjax.box import Box
 from mrjax.errors import InputError
+from mrjax.neighbours import Plan
 from mrjax.parameters import Parameters
 from mrjax.state import State
 
@@ -81,6 +82,38 @@ def contact_diameter(state: State, radius: np.ndarray, slack: float) -> float:
         return given
     serves = given is not None and actual * (1 - slack) <= given and actual <= given * (1 + slack)
     return given if serves else actual
+
+
+def list_plan(
+    state: State,
+    radius: np.ndarray,
+    box: Box,
+    diameter: float,
+    skin: float,
+    capacity: int | None = None,
+) -> Plan:
+    """The neighbour list of a state, with contact radii as unit of length.
+
+    Args:
+      state: its contacts, if any, must have room.
+      radius: of the coated particles, m; NaN where traced.
+      box: the container, m.
+      diameter: largest contact diameter, m.
+      skin: beyond contact, as a fraction of the contact diameter.
+      capacity: partners of each particle; left out, for a random close packing.
+    """
+    typical = particle.typical_diameter(radius)
+    plan = neighbours.plan(
+        box.scaled(2 / diameter),
+        state.particles,
+        2.0,
+        2.0 * (1.0 if np.isnan(typical) else min(1.0, typical / diameter)),
+        2.0 * skin,
+    )
+    room = plan.capacity if capacity is None else min(capacity, state.particles - 1)
+    if state.contacts is not None:
+        room = max(room, state.contacts.partner.shape[1] - len(box.walled_axes))
+    return replace(plan, capacity=room)
 
 
 def fastest(velocity: np.ndarray | None, numbers: Parameters, box: Box, duration: float) -> float:

@@ -87,24 +87,15 @@ def simulate(
         if time_step is None:
             # Eq. 29 knows nothing of dissipation, which may ask for less.
             time_step = np.fmin(_chosen_step(numbers, touch), largest)
-        time_step = min(duration / frames, checks.positive(time_step, "time_step", "s"))
+        else:
+            time_step = checks.positive(time_step, "time_step", "s")
+        time_step = min(duration / frames, float(time_step))
 
-    typical = particle.typical_diameter(radius)
-    plan = neighbours.plan(
-        box.scaled(2 / diameter),
-        state.particles,
-        2.0,
-        2.0 * (1.0 if np.isnan(typical) else min(1.0, typical / diameter)),
-        2.0 * skin,
-    )
     if capacity is not None:
-        room = min(checks.whole(capacity, "capacity"), state.particles - 1)
-        plan = replace(plan, capacity=room)
+        capacity = checks.whole(capacity, "capacity")
+    plan = schedule.list_plan(state, radius, box, diameter, skin, capacity)
     if cell_capacity is not None:
         plan = replace(plan, cell_capacity=checks.whole(cell_capacity, "cell_capacity"))
-    if state.contacts is not None:
-        remembered = state.contacts.partner.shape[1] - len(box.walled_axes)
-        plan = replace(plan, capacity=max(plan.capacity, remembered))
     checks.between_walls(box, diameter)
     checks.wide_enough(box, state.particles, plan.cutoff * diameter / 2)
     if time_step > largest:
@@ -306,6 +297,7 @@ def _faults_of_motion(
 
 
 def _chosen_step(numbers: Parameters, touch: bool) -> float:
+    """Eq. 29, or what is left of it where nothing can touch: infinite without drag."""
     if not touch:
         return float(timestep.rise_time(numbers)) / timestep.REFINEMENT
     chosen = float(timestep.time_step(numbers))

@@ -169,3 +169,11 @@ def test_where_something_may_touch_the_step_resolves_it_and_friction_acts(case2)
     run = mrjax.simulate(state, parameters, case2.box, duration=1e-8)
     assert run.time_step <= mrjax.time_step(parameters)
     assert run.deepest_overlap > 0 and run.state.contacts is not None
+
+
+def test_a_dry_flight_without_contact_chooses_its_step():
+    """No drag and nothing to touch: nothing limits the step but the frames."""
+    state = mrjax.place([[3e-3, 5e-3, 5e-3], [7e-3, 5e-3, 5e-3]], [[0.0, 0.0, 0.01]] * 2)
+    run = mrjax.simulate(state, GLASS, ROOM, duration=1e-3, frames=5)
+    assert run.steps == 5
+    np.testing.assert_allclose(run.state.position[:, 2], 5e-3 + 1e-5, rtol=1e-12)
