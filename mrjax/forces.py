@@ -1,8 +1,7 @@
 """The sum of forces and torques on every particle, all but the drag (Son 2018, Eqs. 2 and 19).
 
 The drag is linear in velocity and spin, and integrated exactly by the leapfrog. Arrays are kept
-apart by component and by contact slot, (S, N), K for the listed partners and W for the walls: on
-a CPU that is worth 3 to 4 times over (N, S, 3).
+apart by component, (P,) for the P possible contacts, each once.
 """
 
 from collections.abc import Callable
@@ -10,17 +9,15 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import jax.numpy as jnp
-import numpy as np
 from jax import Array
 from jax.core import Tracer
 
-from mrjax import contact, friction, history, pairs, particle, rolling
-from mrjax.box import Box
+from mrjax import contact, friction, history, particle, rolling, surfaces
 from mrjax.concrete import concrete
 from mrjax.history import Memory
-from mrjax.neighbours import Neighbours
-from mrjax.pairs import Surfaces
+from mrjax.pairs import Pairs
 from mrjax.parameters import Parameters, per_particle
+from mrjax.surfaces import Surfaces
 from mrjax.vectors import Vector, cross, dot, plus, times
 
 
@@ -41,69 +38,55 @@ def laws(parameters: Parameters) -> Laws:
     return Laws(acts(parameters.friction), acts(parameters.rolling_friction))
 
 
-Memories = tuple[Memory, Memory]
-"""Of the contacts with partners, and with walls: apart, for what is joined is copied every step."""
-
-
 class Loads(NamedTuple):
     """What acts on every particle at one moment."""
 
     force: Array  # N, (3, N)
     torque: Array  # N m, (3, N)
-    memory: Memories
-    overlap: Array  # deepest of each particle, m; negative where it touches nothing; (N,)
+    memory: Memory
+    overlap: Array  # of the contacts, m; negative where apart; (P,)
 
 
-Law = Callable[[Array, Array, Array, Memories], Loads]
+Law = Callable[[Array, Array, Array, Memory], Loads]
 
 
 def total(
     parameters: Parameters,
-    box: Box,
     particles: int,
     *,
     laws: Laws,
     material: Array | None = None,
     time_step: float = 1.0,
-) -> Callable[[Array, Neighbours], Law]:
+) -> Callable[[Pairs], Law]:
     """The force law of a run, with all that does not change during it computed once.
 
     Args:
-      parameters, box: in one coherent system of units.
+      parameters: in one coherent system of units.
       particles: N.
       laws: those that act.
       material: of each particle, (N,); None where all are of one.
       time_step: by which the contacts' memory advances at every evaluation.
 
     Returns:
-      law(reference, neighbours) for the positions of a neighbour list, (3, N). It returns
-      loads(displacement, velocity, spin, memory): what has been travelled since, velocities and
-      spins, (3, N) each, and the memory of the contacts.
+      law(listed) for the pairs of a list. It returns loads(displacement, velocity, spin, memory):
+      what has been travelled since it was built, velocities and spins, (3, N) each, and the memory
+      of the contacts.
     """
     radius = per_particle(particle.outer_radius(parameters), particles)
     weight = per_particle(particle.net_weight(parameters), particles)
     pull = jnp.stack([jnp.zeros_like(weight), jnp.zeros_like(weight), -weight])
-    at_wall = pairs.with_walls(parameters, material)
 
-    def law(reference: Array, neighbours: Neighbours) -> Law:
-        between = pairs.between_particles(parameters, material, neighbours.partner)
+    def law(listed: Pairs) -> Law:
+        constants = surfaces.of(parameters, material, listed)
 
-        def loads(displacement, velocity, spin, memory: Memories) -> Loads:
-            position = reference + displacement
-            meetings = (
-                _with_partners(displacement, velocity, spin, neighbours, radius),
-                _with_walls(position, velocity, spin, box, radius),
-            )
-            force, torque = pull, jnp.zeros_like(pull)
-            deepest = jnp.full_like(radius, -jnp.inf)
-            remembered = []
-            for meeting, surfaces, before in zip(meetings, (between, at_wall), memory, strict=True):
-                acting, turning, after = _contact(meeting, surfaces, before, laws, time_step)
-                force = force + _summed(acting)
-                torque = torque if turning is None else torque + _summed(turning)
-                deepest = jnp.maximum(deepest, jnp.max(meeting.overlap, axis=0, initial=-jnp.inf))
-                remembered.append(after)
-            return Loads(force, torque, tuple(remembered), deepest)
+        def loads(displacement, velocity, spin, memory: Memory) -> Loads:
+            meeting = _meeting(displacement, velocity, spin, listed, radius)
+            acting, turning, memory = _contact(meeting, constants, memory, laws, time_step)
+            force = pull + jnp.stack([listed.summed(part, part, -1) for part in acting])
+            torque = jnp.zeros_like(force)
+            if turning is not None:
+                torque = jnp.stack([listed.summed(*of) for of in zip(*turning, strict=True)])
+            return Loads(force, torque, memory, meeting.overlap)
 
         return loads
 
@@ -111,10 +94,11 @@ def total(
 
 
 class Meeting(NamedTuple):
-    """The geometry and motion of contacts at one moment; (S, N) for S slots."""
+    """The geometry and motion of the contacts at one moment; (P,) each."""
 
     overlap: Array  # d, negative where apart
     arm: Array  # from the centre to the middle of the overlap, m
+    their_arm: Array  # from the partner's, m
     normal: Vector  # from the partner to the particle
     closing: Array  # d', m/s
     turning: Vector  # d normal/dt, 1/s
@@ -123,70 +107,44 @@ class Meeting(NamedTuple):
     rolling: Vector  # spin relative to the partner's, without its part along the normal, rad/s
 
 
-def _with_partners(
-    displacement: Array, velocity: Array, spin: Array, neighbours: Neighbours, radius: Array
+def _meeting(
+    displacement: Array, velocity: Array, spin: Array, listed: Pairs, radius: Array
 ) -> Meeting:
-    partner, present = neighbours.partner, neighbours.present
-
-    def difference(components: Array) -> Vector:
-        return tuple(component[None, :] - component[partner] for component in components)
-
-    apart = plus(neighbours.separation, 1.0, difference(displacement))
+    """A wall mirrors the particle: the arm is R - d/2, and the normal does not turn."""
+    apart = listed.separated(displacement)
     square = dot(apart, apart)
-    distance = jnp.sqrt(jnp.where(present & (square > 0.0), square, 1.0))
+    distance = jnp.sqrt(jnp.where(listed.present & (square > 0.0), square, 1.0))
     normal = times(1.0 / distance, apart)
-    mine, theirs = radius[None, :], radius[partner]
-    overlap = jnp.where(present, mine + theirs - distance, -mine)
+    mine, theirs = radius[listed.first], radius[listed.second]
+    turns = 1.0 / distance
+    if listed.wall is not None:
+        theirs = jnp.where(listed.wall, 0.0, theirs)
+        turns = jnp.where(listed.wall, 0.0, turns)
+    overlap = jnp.where(listed.present, mine + theirs - distance, -mine)
     arm, their_arm = mine - 0.5 * overlap, theirs - 0.5 * overlap
-    velocity = difference(velocity)
+    velocity = listed.difference(velocity)
     closing = -dot(velocity, normal)
     along = plus(velocity, closing, normal)
-    my_spin = tuple(component[None, :] for component in spin)
-    their_spin = tuple(component[partner] for component in spin)
+    my_spin, their_spin = listed.of_both(spin)
     of_surfaces = plus(times(arm, my_spin), their_arm, their_spin)
     relative = plus(my_spin, -1.0, their_spin)
     return Meeting(
         overlap,
         arm,
+        their_arm,
         normal,
         closing,
-        times(1.0 / distance, along),
+        times(turns, along),
         0.5 * dot(plus(my_spin, 1.0, their_spin), normal),
         plus(along, -1.0, cross(of_surfaces, normal)),
         plus(relative, -dot(relative, normal), normal),
     )
 
 
-def _with_walls(position: Array, velocity: Array, spin: Array, box: Box, radius: Array) -> Meeting:
-    """The nearer wall of every walled axis, which mirrors the particle: the arm is R - d/2."""
-    axes = np.array(box.walled_axes, int)
-    size = jnp.asarray(box.size, radius.dtype)[axes, None]
-    from_origin = position[axes]
-    far = from_origin > 0.5 * size
-    overlap = radius[None, :] - jnp.where(far, size - from_origin, from_origin)
-    inward = jnp.where(far, -1.0, 1.0).astype(radius.dtype)
-    normal = tuple(inward * (axes == along).astype(radius.dtype)[:, None] for along in range(3))
-    arm = radius[None, :] - 0.5 * overlap
-    velocity, spin = (tuple(part[None, :] for part in moving) for moving in (velocity, spin))
-    closing = -dot(velocity, normal)
-    along = plus(velocity, closing, normal)
-    twisting = dot(spin, normal)
-    return Meeting(
-        overlap,
-        arm,
-        normal,
-        closing,
-        (jnp.zeros_like(overlap),) * 3,
-        0.5 * twisting,
-        plus(along, -1.0, times(arm, cross(spin, normal))),
-        plus(spin, -twisting, normal),
-    )
-
-
 def _contact(
     meeting: Meeting, surfaces: Surfaces, memory: Memory, laws: Laws, time_step: float
-) -> tuple[Vector, Vector | None, Memory]:
-    """Force and torque on the particle in every slot, and what the contacts remember."""
+) -> tuple[Vector, tuple[Vector, Vector] | None, Memory]:
+    """Force on the particle of every contact, torques on both, and what the contacts remember."""
     normal = meeting.normal
     push = contact.normal_force(
         meeting.overlap,
@@ -214,7 +172,8 @@ def _contact(
             damping=surfaces.damping,
         )
         force = plus(force, 1.0, grip)
-        torque = times(-meeting.arm, cross(normal, grip))
+        lever = cross(normal, grip)
+        torque = times(-meeting.arm, lever), times(-meeting.their_arm, lever)
     if laws.rolling:
         roll = plus(history.turned(rolled, normal, turn, twist), time_step, meeting.rolling)
         resistance, rolled = rolling.rolling_torque(
@@ -228,9 +187,6 @@ def _contact(
             friction=surfaces.rolling_friction,
             damping=surfaces.rolling_damping,
         )
-        torque = resistance if torque is None else plus(torque, 1.0, resistance)
-    return force, torque, Memory(memory.partner, slid, rolled)
-
-
-def _summed(vector: Vector) -> Array:
-    return jnp.stack([jnp.sum(component, axis=0) for component in vector])
+        mine, theirs = torque or ((0.0,) * 3,) * 2
+        torque = plus(mine, 1.0, resistance), plus(theirs, -1.0, resistance)
+    return force, torque, Memory(slid, rolled)

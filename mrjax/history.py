@@ -10,13 +10,12 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
-from mrjax.box import Box
-from mrjax.neighbours import Neighbours
+from mrjax.pairs import Pairs
 from mrjax.vectors import Vector, cross, dot, plus, times
 
 NOBODY = -1
-WALLS = (-2, -3, -4)
-"""Ids of an empty slot, and of the walls across x, y and z."""
+WALLS = (-2, -3, -4, -5, -6, -7)
+"""Ids of an empty slot, and of the walls at the lower and upper end of x, y and z."""
 
 
 @jax.tree_util.register_dataclass
@@ -28,7 +27,8 @@ class Contacts:
     """
 
     partner: Array
-    """Ids: of a particle, -1 in an empty slot, -2, -3, -4 for a wall across x, y, z; (N, S)."""
+    """Ids: of a particle, -1 in an empty slot, -2 to -7 for the walls at the lower and
+    upper end of x, y and z; (N, S)."""
     sliding: Array | None
     """Displacement of the particle's surface along its partner's, (N, S, 3) in m."""
     rolling: Array | None
@@ -38,46 +38,61 @@ class Contacts:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Memory:
-    """The same in the kernel's layout and units; None where no law reads it."""
+    """What the contacts of one array remember, each as the first of its two surfaces sees it."""
+
+    sliding: Vector | None  # of the shape of the array; None where no law reads it
+    rolling: Vector | None
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Notes:
+    """`Contacts` in the kernel's layout and units: what a rebuild of the list finds again."""
 
     partner: Array  # (S, N)
     sliding: Vector | None  # (S, N)
     rolling: Vector | None  # (S, N)
 
-    def carried(self, partner: Array) -> "Memory":
-        """The memory in the slots of a new list, (S', N); what left the list is forgotten."""
-        # (new slot, old slot, particle): at most one old slot knows each partner.
-        same = (partner[:, None, :] == self.partner[None, :, :]) & (partner != NOBODY)[:, None, :]
+    def of(self, holder: Array, partner: Array) -> Memory:
+        """What the holders know of their partners, ids (P,); 0 of those they never met."""
+        # At most one slot knows each partner.
+        same = self.partner[:, holder] == partner[None, :]
 
-        def moved(vector: Vector | None) -> Vector | None:
+        def found(vector: Vector | None) -> Vector | None:
             if vector is None:
                 return None
             return tuple(
-                jnp.sum(jnp.where(same, component[None, :, :], 0.0), axis=1) for component in vector
+                jnp.sum(jnp.where(same, component[:, holder], 0.0), axis=0) for component in vector
             )
 
-        return Memory(partner, moved(self.sliding), moved(self.rolling))
+        return Memory(found(self.sliding), found(self.rolling))
 
 
-def apart(memory: Memory, walls: int) -> tuple[Memory, Memory]:
-    """The memory of contacts with partners, and with the walls in the last slots."""
-    split = memory.partner.shape[0] - walls
-    return (
-        jax.tree.map(lambda leaf: leaf[:split], memory),
-        jax.tree.map(lambda leaf: leaf[split:], memory),
+def begun(notes: Notes, listed: Pairs) -> Memory:
+    """The memory of the listed pairs, (P,); others are forgotten."""
+    _, partner = _ids(listed)
+    return notes.of(listed.first, jnp.where(listed.present, partner, NOBODY - 1 - len(WALLS)))
+
+
+def noted(memory: Memory, listed: Pairs) -> Notes:
+    """What both surfaces of every contact remember, in a slot of their own."""
+
+    def both(vector: Vector | None) -> Vector | None:
+        return vector and tuple(listed.seen(part, -part) for part in vector)
+
+    return Notes(
+        listed.seen(*reversed(_ids(listed)), nothing=NOBODY),
+        both(memory.sliding),
+        both(memory.rolling),
     )
 
 
-def together(partners: Memory, walls: Memory) -> Memory:
-    """The memory of both, the walls last."""
-    return jax.tree.map(lambda *both: jnp.concatenate(both), partners, walls)
-
-
-def partners(neighbours: Neighbours, box: Box) -> Array:
-    """Ids in the slots of a list, the walls of the box last; (K + W, N)."""
-    listed = jnp.where(neighbours.present, neighbours.partner, NOBODY)
-    walls = jnp.array([WALLS[axis] for axis in box.walled_axes], listed.dtype)[:, None]
-    return jnp.concatenate([listed, jnp.broadcast_to(walls, (walls.size, listed.shape[1]))])
+def _ids(listed: Pairs) -> tuple[Array, Array]:
+    """Of the firsts and of the seconds, as `Contacts` has them; (P,) each."""
+    walls = jnp.array(WALLS, listed.second.dtype)
+    particles = listed.places.shape[1]
+    wall = walls[jnp.maximum(listed.second - particles, 0)]
+    return listed.first, jnp.where(listed.second < particles, listed.second, wall)
 
 
 def recalled(
@@ -88,7 +103,7 @@ def recalled(
     sliding: bool,
     rolling: bool,
     unit_length: float = 1.0,
-) -> Memory:
+) -> Notes:
     """The memory of a state in `slots` slots; blank where the state brings none.
 
     Args:
@@ -109,22 +124,22 @@ def recalled(
     if contacts is None:
         contacts = Contacts(jnp.zeros((particles, 0), jnp.int32), None, None)
     spare = ((0, 0), (0, slots - contacts.partner.shape[1]))
-    return Memory(
+    return Notes(
         jnp.pad(contacts.partner, spare, constant_values=NOBODY).T,
         vector(contacts.sliding, unit_length) if sliding else None,
         vector(contacts.rolling, 1.0) if rolling else None,
     )
 
 
-def recorded(memory: Memory, sound: Array, unit_length: float) -> Contacts | None:
+def recorded(notes: Notes, sound: Array, unit_length: float) -> Contacts | None:
     """The memory as part of a state, times a factor; None where there is none.
 
     Args:
-      memory: in the kernel's units.
+      notes: in the kernel's units.
       sound: 1, or NaN where a fault was found, ().
       unit_length: of the memory, m.
     """
-    if memory.sliding is None and memory.rolling is None:
+    if notes.sliding is None and notes.rolling is None:
         return None
 
     def rows(vector: Vector | None, unit: float) -> Array | None:
@@ -132,7 +147,7 @@ def recorded(memory: Memory, sound: Array, unit_length: float) -> Contacts | Non
             return None
         return sound * unit * jnp.stack([component.T for component in vector], axis=-1)
 
-    return Contacts(memory.partner.T, rows(memory.sliding, unit_length), rows(memory.rolling, 1.0))
+    return Contacts(notes.partner.T, rows(notes.sliding, unit_length), rows(notes.rolling, 1.0))
 
 
 def turned(vector: Vector, normal: Vector, turn: Vector, twist: Array) -> Vector:
@@ -162,5 +177,8 @@ def shortening(vector: Vector, longest: Array) -> Array:
     vector, limit = times(scale, vector), scale * longest
     square = dot(vector, vector)
     longer = square > limit**2
-    shortened = limit / jnp.sqrt(jnp.where(longer, square, 1.0))
+    # Not where(longer, square, 1): a compiler may round this comparison differently in each place
+    # that it copies it to, and a vector just shortened has exactly the limit's length.
+    safe = jnp.where(size > 0.0, jnp.maximum(square, limit**2), 1.0)
+    shortened = limit / jnp.sqrt(safe)
     return jnp.where(longer, shortened, jnp.where(longest > 0.0, 1.0, 0.0))

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from mrjax import checks, forces, history, neighbours, particle, schedule
+from mrjax import checks, forces, history, neighbours, pairs, particle, schedule
 from mrjax.box import Box
 from mrjax.concrete import concrete, known
 from mrjax.parameters import Parameters
@@ -41,28 +41,29 @@ def contact_forces(state: State, parameters: Parameters, box: Box) -> tuple[Arra
     position = state.position / units.length
     scaled = box.scaled(1 / units.length)
     plan = schedule.list_plan(state, radius, box, diameter, skin=0.0)
+    of_each = jnp.broadcast_to(particle.outer_radius(reduced), (state.particles,))
+    skin = plan.cutoff - 2.0 * jnp.max(of_each)
     while True:
-        listed = neighbours.build(plan, scaled, position)
+        found = neighbours.build(plan, scaled, position)
+        listed = pairs.listed(found, scaled, position.T, of_each, skin, plan.pairs)
         overflow = concrete(listed.overflow)
         if overflow is None or not overflow:
             break
         plan = plan.grown(int(overflow), state.particles)
-    memory = history.recalled(
+    notes = history.recalled(
         state.contacts,
         state.position,
-        slots=listed.partner.shape[0] + len(box.walled_axes),
+        slots=plan.capacity + 2 * len(box.walled_axes),
         sliding=laws.sliding,
         rolling=laws.rolling,
         unit_length=units.length,
-    ).carried(history.partners(listed, scaled))
-    law = forces.total(
-        reduced, scaled, state.particles, laws=laws, material=state.material, time_step=0.0
     )
-    found = law(position.T, listed)(
+    law = forces.total(reduced, state.particles, laws=laws, material=state.material, time_step=0.0)
+    found = law(listed)(
         jnp.zeros_like(position.T),
         state.velocity.T / units.velocity,
         state.spin.T * units.time,
-        history.apart(memory, len(box.walled_axes)),
+        history.begun(notes, listed),
     )
     force = units.of((1, 1, -2)) * found.force.T
     torque = units.of((1, 2, -2)) * found.torque.T

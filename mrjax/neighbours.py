@@ -24,6 +24,9 @@ from mrjax.box import Box
 from mrjax.permissive import permissive
 
 PAIRS_DROPPED = int(partition.PartitionErrorCode.NEIGHBOR_LIST_OVERFLOW)
+MEAN_CONTACTS = 4
+"""Contacts listed for each particle: a settled bed of equal spheres has 3, walls included, and less
+than 4 where it is densest."""
 CELLS_OVERFULL = int(partition.PartitionErrorCode.CELL_LIST_OVERFLOW)
 
 
@@ -35,6 +38,7 @@ class Plan:
     cell: float  # least edge of a search cell
     capacity: int  # K, partners listed for each particle
     cell_capacity: int  # particles in each cell
+    pairs: int  # P, pairs within the skin of each other
 
     def grown(self, overflow: int, particles: int) -> "Plan":
         """A plan with more room where a list built by this one overflowed."""
@@ -46,6 +50,7 @@ class Plan:
             self,
             capacity=more(self.capacity, PAIRS_DROPPED, particles - 1),
             cell_capacity=more(self.cell_capacity, CELLS_OVERFULL, particles),
+            pairs=more(self.pairs, PAIRS_DROPPED, particles * (particles + 11) // 2),
         )
 
 
@@ -82,11 +87,13 @@ def plan(
     capacity = math.ceil(0.5 * reach / typical**3)
     # Packed spheres that a cube can hold the centres of.
     in_cell = math.ceil(0.7 * (cell / typical_diameter + 1) ** 3)
+    every_contact = particles * (particles - 1) // 2 + 2 * particles * len(box.walled_axes)
     return Plan(
         cutoff=cutoff,
         cell=cell,
         capacity=min(particles - 1, capacity),
         cell_capacity=min(particles, in_cell),
+        pairs=max(8, min(every_contact, max(MEAN_CONTACTS * particles, 100))),
     )
 
 

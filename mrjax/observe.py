@@ -1,10 +1,16 @@
-"""What an experimenter would read off a run: mudline, settling velocity, sedimentation ratio."""
+"""What an experimenter would read off a run: velocities, heights by several definitions, ratios."""
 
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
 import jax.numpy as jnp
-from jax import Array
+from jax import Array, lax
 from jax.typing import ArrayLike
 
 from mrjax import drag, particle
+from mrjax.concentration import half_concentration, solid_below
+from mrjax.errors import InputError
 from mrjax.parameters import Parameters
 from mrjax.run import Run
 
@@ -23,14 +29,93 @@ def settling_velocity(run: Run) -> Array:
     return jnp.max(run.mean_velocity[1:])
 
 
-def sedimentation_ratio(run: Run) -> Array:
-    """Mudline over the initial height of the suspension, which filled the box; 1, (frames + 1,).
+def top(run: Run) -> Array:
+    """The mudline: top of the highest particle; m, (frames + 1,).
 
     Raises:
       SimulationError: the run is not to be trusted.
     """
     run.check()
-    return run.mudline / run.initial_height
+    return run.mudline
+
+
+def mean_of_top(run: Run, fraction: float = 0.05) -> Array:
+    """Mean of the tops of the highest particles; m, (frames + 1,).
+
+    Args:
+      run: at least one frame.
+      fraction: how many of the particles, rounded down to at least one; a number.
+
+    Raises:
+      InputError: a fraction not in (0, 1].
+      SimulationError: the run is not to be trusted.
+    """
+    run.check()
+    if not 0.0 < fraction <= 1.0:
+        raise InputError(f"fraction = {fraction} must be above 0 and at most 1")
+    tops = run.heights + run.radius[None, :]
+    highest, _ = lax.top_k(tops, max(1, int(fraction * run.radius.size)))
+    return jnp.mean(highest, axis=1)
+
+
+def mass_quantile(run: Run, fraction: float = 0.95) -> Array:
+    """Level below which a fraction of the solid volume lies, exact; m, (frames + 1,).
+
+    Of the mass, too, where all particles have one density. It lies below the top of a uniform bed
+    by that fraction of its height. Where a gap between particles makes it any of an interval, one
+    of them, without a slope.
+
+    Args:
+      run: at least one frame.
+      fraction: of the solid; a number.
+
+    Raises:
+      InputError: a fraction not in (0, 1).
+      SimulationError: the run is not to be trusted.
+    """
+    run.check()
+    if not 0.0 < fraction < 1.0:
+        raise InputError(f"fraction = {fraction} must be between 0 and 1")
+    return _mass_quantile(run.heights, run.radius, fraction)
+
+
+def twice_centre_of_mass(run: Run) -> Array:
+    """Twice the height of the solid's centre, which is the top of a uniform bed; m, (frames + 1,).
+
+    Weighted by volume: the centre of mass, where all particles have one density.
+
+    Raises:
+      SimulationError: the run is not to be trusted.
+    """
+    run.check()
+    volume = run.radius**3
+    return 2.0 * (run.heights @ volume) / jnp.sum(volume)
+
+
+HEIGHTS: dict[str, Callable[[Run], Array]] = {
+    "top": top,
+    "mean-of-top": mean_of_top,
+    "mass-quantile": mass_quantile,
+    "half-concentration": half_concentration,
+    "twice-centre-of-mass": twice_centre_of_mass,
+}
+"""Definitions of the height of a suspension or its bed, each (frames + 1,) in m."""
+
+
+def sedimentation_ratio(run: Run, height: str = "top") -> Array:
+    """Height over the initial height of the suspension, which filled the box; 1, (frames + 1,).
+
+    Args:
+      run: at least one frame.
+      height: one of `HEIGHTS`; the mudline.
+
+    Raises:
+      InputError: there is no such height.
+      SimulationError: the run is not to be trusted.
+    """
+    if height not in HEIGHTS:
+        raise InputError(f"height = {height!r} must be one of {', '.join(HEIGHTS)}")
+    return HEIGHTS[height](run) / run.initial_height
 
 
 def mudline_descent(run: Run) -> Array:
@@ -43,6 +128,35 @@ def mudline_descent(run: Run) -> Array:
     return -jnp.diff(run.mudline) / jnp.diff(run.times)
 
 
+class Asymptotes(NamedTuple):
+    """The two straight lines of a sedimentation curve (Son 2018, Fig. 4)."""
+
+    initial_slope: Array
+    """Rate of descent of the first, m/s, ()."""
+    final_ratio: Array
+    """Sedimentation ratio at rest, the level of the second; 1, ()."""
+    crossing_time: Array
+    """When they meet, s, ()."""
+
+
+def asymptotes(run: Run) -> Asymptotes:
+    """Initial and final asymptotes of the mudline h(t), for a run to rest (Son 2018, Fig. 4).
+
+    The first line is h(0) - s t, with the slope of least squares over the frames before the mudline
+    has descended more than a quarter of its whole way (the first frame after the start in any
+    case); the second is the mudline of the last frame. Undefined where nothing has settled.
+
+    Raises:
+      SimulationError: the run is not to be trusted.
+    """
+    run.check()
+    descent = run.mudline[0] - run.mudline
+    early = lax.cummax(descent) <= 0.25 * descent[-1]
+    time = jnp.where(early.at[1].set(True), run.times - run.times[0], 0.0)
+    slope = jnp.sum(descent * time) / jnp.sum(time**2)
+    return Asymptotes(slope, run.mudline[-1] / run.initial_height, descent[-1] / slope)
+
+
 def reynolds_number(velocity: ArrayLike, parameters: Parameters) -> Array:
     """Re = rho_f v 2 f_r R / (f_v mu) of a coated particle in the thickened fluid; 1.
 
@@ -52,3 +166,34 @@ def reynolds_number(velocity: ArrayLike, parameters: Parameters) -> Array:
     diameter = 2.0 * particle.outer_radius(parameters)
     viscosity = drag.carrier_viscosity(parameters)
     return parameters.fluid_density * velocity * diameter / viscosity
+
+
+@jax.jit
+def _mass_quantile(heights: Array, radius: Array, fraction: ArrayLike) -> Array:
+    """`mass_quantile` by bisection, with the derivative of the implicit equation."""
+    solid = fraction * jnp.sum(4.0 / 3.0 * jnp.pi * radius**3)
+
+    @jax.checkpoint
+    def of_frame(heights: Array) -> Array:
+        def missing(level: Array) -> Array:
+            return solid_below(heights, radius, level[None])[0] - solid
+
+        def bisection(missing: Callable, _: Array) -> Array:
+            def halved(_, bracket: tuple[Array, Array]) -> tuple[Array, Array]:
+                low, high = bracket
+                middle = 0.5 * (low + high)
+                enough = missing(middle) > 0.0
+                return jnp.where(enough, low, middle), jnp.where(enough, middle, high)
+
+            ends = jnp.min(heights - radius), jnp.max(heights + radius)
+            low, high = lax.fori_loop(0, 1 + jnp.finfo(heights.dtype).nmant, halved, ends)
+            return 0.5 * (low + high)
+
+        def divided_by_slope(line: Callable, value: Array) -> Array:
+            slope = line(jnp.ones_like(value))  # the area that the level cuts through particles
+            return jnp.where(slope > 0.0, value / jnp.where(slope > 0.0, slope, 1.0), 0.0)
+
+        start = jnp.zeros((), heights.dtype)
+        return lax.custom_root(missing, start, bisection, divided_by_slope)
+
+    return lax.map(of_frame, heights)

@@ -1,98 +1,144 @@
-"""What two surfaces in contact have in common: Eqs. 5, 6 and 8, and tables by material."""
+"""Every possible contact once, with partners and with walls, from a neighbour list.
 
-from typing import NamedTuple
+A list by particle holds each contact twice, and as many empty slots as a crowded particle needs.
+Laws are evaluated on pairs, and what they give is added to both.
+"""
 
+from dataclasses import dataclass
+
+import jax
 import jax.numpy as jnp
-from jax import Array
+from jax import Array, lax
 
-from mrjax import contact, friction, particle, rolling
-from mrjax.parameters import Parameters
+from mrjax.box import Box
+from mrjax.neighbours import PAIRS_DROPPED, Neighbours
+from mrjax.vectors import Vector, plus
 
-
-class Surfaces(NamedTuple):
-    """Constants of the contacts in an array of slots; () where equal for all, else its shape."""
-
-    modulus: Array  # E*, Pa
-    shear_modulus: Array  # G*, Pa
-    radius: Array  # R*, m
-    mass: Array  # m*, kg
-    rolling_inertia: Array  # I_r, kg m^2
-    friction: Array  # mu
-    damping: Array  # z of `contact.damping_ratio`
-    dissipation: Array  # A, s
-    tangential_dissipation: Array  # B, s
-    rolling_friction: Array  # mu_r
-    rolling_damping: Array  # h_r
+WALLS = 6
+"""They have the ids from N on: those at the lower and upper end of x, then y, then z."""
 
 
-def between_particles(parameters: Parameters, material: Array | None, partner: Array) -> Surfaces:
-    """The contacts of every particle with its listed partners, () or (K, N).
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Pairs:
+    """P places for two surfaces that may come to touch."""
+
+    first: Array
+    """Id of a particle, (P,); any where not present."""
+    second: Array
+    """Id of a particle or wall, (P,); any where not present."""
+    present: Array
+    """Whether the place holds a pair, (P,)."""
+    wall: Array | None
+    """Whether the second is a wall, (P,); None in a box without."""
+    separation: Vector
+    """From the second to the first when the list was built, (P,) each."""
+    across: Vector | None
+    """1 where a displacement of the first changes the separation; 0 along a wall; (P,) each."""
+    places: Array
+    """Where each particle finds its pairs, (S, N): p as the first of pair p, P + p as the second,
+    2 P in an empty slot."""
+    overflow: Array
+    """0 when every pair is listed, ()."""
+
+    def separated(self, displacement: Array) -> Vector:
+        """The separations after displacements (3, N)."""
+        moved = self.difference(displacement)
+        if self.across is not None:
+            moved = tuple(mask * part for mask, part in zip(self.across, moved, strict=True))
+        return plus(self.separation, 1.0, moved)
+
+    def of_both(self, components: Array) -> tuple[Vector, Vector]:
+        """What belongs to the first and to the second, (3, N) to (P,) each; walls have none."""
+        return tuple(part[self.first] for part in components), tuple(
+            part.at[self.second].get(mode="fill", fill_value=0.0) for part in components
+        )
+
+    def difference(self, components: Array) -> Vector:
+        """What belongs to the first, less that of the second; (3, N) to (P,) each."""
+        return tuple(mine - theirs for mine, theirs in zip(*self.of_both(components), strict=True))
+
+    def summed(self, of_first: Array, of_second: Array, sign: int = 1) -> Array:
+        """The sum over the pairs of each particle of what belongs to its side, (P,) to (N,)."""
+        total = jnp.zeros(self.places.shape[1], of_first.dtype)
+        total = total.at[self.first].add(of_first)
+        if sign > 0:
+            return total.at[self.second].add(of_second, mode="drop")
+        return total.at[self.second].subtract(of_second, mode="drop")
+
+    def deepest(self, of_pairs: Array) -> Array:
+        """The greatest over the pairs of each particle, (P,) to (N,); at least 0."""
+        nothing = jnp.zeros(self.places.shape[1], of_pairs.dtype)
+        return nothing.at[self._ends].max(jnp.tile(of_pairs, 2), mode="drop")
+
+    def seen(self, of_first: Array, of_second: Array, nothing: float = 0) -> Array:
+        """What belongs to its side of every pair of each particle, (P,) to (S, N)."""
+        end = jnp.full(1, nothing, of_first.dtype)
+        return jnp.concatenate([of_first, of_second, end])[self.places]
+
+    @property
+    def _ends(self) -> Array:
+        return jnp.concatenate([self.first, self.second])
+
+
+def listed(
+    neighbours: Neighbours, box: Box, position: Array, radius: Array, skin: Array, room: int
+) -> Pairs:
+    """The pairs whose surfaces are within the skin of each other.
 
     Args:
-      parameters: of the run.
-      material: index of each particle, (N,); None where all are of one.
-      partner: ids, (K, N).
+      neighbours: of all particles, each pair twice, with at least this skin.
+      box: the container.
+      position: centres, (3, N).
+      radius: (N,).
+      skin: largest gap, ().
+      room: P. Where there are more pairs, `overflow` says so.
     """
+    particles = len(radius)
+    ids = jnp.arange(particles, dtype=neighbours.partner.dtype)[None, :]
+    x, y, z = (lax.stop_gradient(part) for part in neighbours.separation)
+    reach = lax.stop_gradient(radius[None, :] + radius[neighbours.partner] + skin)
+    near = (x**2 + y**2 + z**2 < reach**2) & neighbours.present & (neighbours.partner > ids)
+    walls = [(axis, end) for axis in box.walled_axes for end in (0, 1)]
+    partner, separation, near = [neighbours.partner], [neighbours.separation], [near]
+    for axis, end in walls:
+        beyond = position[axis : axis + 1] - end * box.size[axis]
+        nothing = jnp.zeros_like(beyond)
+        partner.append(jnp.full_like(ids, particles + 2 * axis + end))
+        separation.append(tuple(beyond if other == axis else nothing for other in range(3)))
+        near.append(abs(lax.stop_gradient(beyond)) < lax.stop_gradient(radius + skin)[None, :])
+    partner, near = jnp.concatenate(partner), jnp.concatenate(near)
 
-    def sides(leaf: Array) -> tuple[Array, Array]:
-        return (leaf, leaf) if jnp.ndim(leaf) == 0 else (leaf[None, :], leaf[partner])
-
-    def table(leaf: Array) -> Array:
-        if jnp.ndim(leaf) == 0:
-            return leaf
-        return leaf[0, 0] if leaf.shape == (2, 2) else leaf[material[None, :], material[partner]]
-
-    (modulus_i, modulus_j), (poisson_i, poisson_j) = (
-        sides(parameters.elastic_modulus),
-        sides(parameters.poisson_ratio),
+    # In the order of the particles, so that what is read together lies together.
+    (chosen,) = jnp.nonzero(near.T.reshape(-1), size=room, fill_value=0)
+    present = jnp.arange(room) < jnp.sum(near)
+    first, slot = (index.astype(ids.dtype) for index in jnp.divmod(chosen, max(1, len(partner))))
+    second = partner[slot, first]
+    wall = second >= particles
+    separation = tuple(jnp.concatenate(part)[slot, first] for part in zip(*separation, strict=True))
+    axis = (second - particles) // 2
+    across = tuple(
+        jnp.where(wall & (axis != other), 0.0, 1.0).astype(position.dtype) for other in range(3)
     )
-    materials = (modulus_i, poisson_i, modulus_j, poisson_j)
-    return Surfaces(
-        contact.effective_modulus(*materials),
-        friction.effective_shear_modulus(*materials),
-        contact.harmonic(*sides(particle.outer_radius(parameters))),
-        contact.harmonic(*sides(particle.inertia(parameters))),
-        contact.harmonic(*sides(_about_contact(parameters))),
-        *(table(leaf) for leaf in _tables(parameters)),
+    too_many = jnp.where(jnp.sum(near) > room, PAIRS_DROPPED, 0).astype(jnp.int32)
+    return Pairs(
+        first,
+        second,
+        present,
+        wall if walls else None,
+        separation,
+        across if walls else None,
+        _places(first, second, present, particles, neighbours.partner.shape[0] + len(walls)),
+        neighbours.overflow | too_many,
     )
 
 
-def with_walls(parameters: Parameters, material: Array | None) -> Surfaces:
-    """The contacts of every particle with a wall, of infinite radius and mass; () or (1, N)."""
-    materials = (
-        parameters.elastic_modulus,
-        parameters.poisson_ratio,
-        parameters.wall_elastic_modulus,
-        parameters.wall_poisson_ratio,
-    )
-
-    def table(leaf: Array) -> Array:
-        if jnp.ndim(leaf) == 0:
-            return leaf
-        return leaf[0, -1] if leaf.shape == (2, 2) else leaf[material, -1]
-
-    surfaces = Surfaces(
-        contact.effective_modulus(*materials),
-        friction.effective_shear_modulus(*materials),
-        particle.outer_radius(parameters),
-        particle.inertia(parameters),
-        _about_contact(parameters),
-        *(table(leaf) for leaf in _tables(parameters)),
-    )
-    return Surfaces(*(leaf if jnp.ndim(leaf) == 0 else leaf[None, :] for leaf in surfaces))
-
-
-def _about_contact(parameters: Parameters) -> Array:
-    moment, mass = particle.moment_of_inertia(parameters), particle.inertia(parameters)
-    return rolling.about_contact(moment, mass, particle.outer_radius(parameters))
-
-
-def _tables(parameters: Parameters) -> tuple[Array, ...]:
-    return (
-        parameters.friction,
-        contact.damping_ratio(parameters.restitution),
-        parameters.dissipation,
-        parameters.tangential_dissipation,
-        parameters.rolling_friction,
-        parameters.rolling_damping,
-    )
+def _places(first: Array, second: Array, present: Array, particles: int, slots: int) -> Array:
+    room = len(first)
+    ends = jnp.where(jnp.tile(present, 2), jnp.concatenate([first, second]), particles)
+    order = jnp.argsort(ends).astype(ends.dtype)
+    begin = jnp.searchsorted(ends[order], jnp.arange(particles + 1, dtype=ends.dtype))
+    begin = begin.astype(ends.dtype)
+    places = begin[None, :-1] + jnp.arange(slots, dtype=begin.dtype)[:, None]
+    order = jnp.concatenate([order, jnp.zeros(slots, order.dtype)])
+    return jnp.where(places < begin[None, 1:], order[places], 2 * room).astype(jnp.int32)

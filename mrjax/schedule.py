@@ -16,7 +16,7 @@ from mrjax.parameters import Parameters
 from mrjax.state import State
 
 MOST_STEPS = 2**31 - 1
-MOST_STEPS_BETWEEN_REBUILDS = 64
+MOST_STEPS_BETWEEN_REBUILDS = 128
 """Reverse mode stores one state for each of them, and one for each rebuild."""
 
 
@@ -112,7 +112,7 @@ def list_plan(
     )
     room = plan.capacity if capacity is None else min(capacity, state.particles - 1)
     if state.contacts is not None:
-        room = max(room, state.contacts.partner.shape[1] - len(box.walled_axes))
+        room = max(room, state.contacts.partner.shape[1] - 2 * len(box.walled_axes))
     return replace(plan, capacity=room)
 
 

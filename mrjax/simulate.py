@@ -13,12 +13,12 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from mrjax import checks, forces, history, leapfrog, neighbours, particle, schedule, timestep
+from mrjax import checks, forces, history, leapfrog, neighbours, pairs, particle, schedule, timestep
 from mrjax.box import Box
 from mrjax.concrete import concrete, known
 from mrjax.errors import InputError
 from mrjax.forces import Laws
-from mrjax.history import Memory
+from mrjax.history import Notes
 from mrjax.neighbours import Plan
 from mrjax.parameters import Parameters
 from mrjax.run import Fault, Run
@@ -138,10 +138,10 @@ def _run(
     time_step = duration / cuts.total
     units = Units(mass=1000.0 * unit_length**3, length=unit_length, time=time_step)
     dtype = state.position.dtype
-    memory = history.recalled(
+    notes = history.recalled(
         state.contacts,
         state.position,
-        slots=plan.capacity + len(box.walled_axes),
+        slots=plan.capacity + 2 * len(box.walled_axes),
         sliding=laws.sliding,
         rolling=laws.rolling,
         unit_length=units.length,
@@ -150,7 +150,7 @@ def _run(
         state.position.T / units.length,
         state.velocity.T / units.velocity,
         state.spin.T * units.time,
-        memory,
+        notes,
         jnp.zeros(state.particles, dtype),
         jnp.zeros((), jnp.int32),
     )
@@ -170,7 +170,7 @@ def _run(
         position=sound * units.length * end.position.T,
         velocity=sound * units.velocity * end.velocity.T,
         spin=sound / units.time * end.spin.T,
-        contacts=history.recorded(end.memory, sound, units.length),
+        contacts=history.recorded(end.notes, sound, units.length),
     )
     return Run(
         times=jnp.asarray(np.linspace(0.0, duration, cuts.frames + 1), dtype),
@@ -192,7 +192,7 @@ class Motion(NamedTuple):
     position: Array  # (3, N)
     velocity: Array  # (3, N)
     spin: Array  # (3, N)
-    memory: Memory
+    notes: Notes
     overlap: Array  # deepest of each particle so far, (N,)
     fault: Array  # ()
 
@@ -210,9 +210,10 @@ def _scan(
 ) -> tuple[Motion, Array, Array, Array, Array, Array]:
     """The compiled loops, in reduced units with steps of length one."""
     particles = start.position.shape[1]
-    law = forces.total(parameters, box, particles, laws=laws, material=material)
+    law = forces.total(parameters, particles, laws=laws, material=material)
     kick, spin_kick = leapfrog.kick(parameters, 1.0), leapfrog.spin_kick(parameters, 1.0)
     radius = particle.outer_radius(parameters)
+    of_each = jnp.broadcast_to(radius, (particles,))
     skin_left = plan.cutoff - 2.0 * jnp.max(radius)
 
     def observe(motion: Motion) -> tuple[Array, Array]:
@@ -220,42 +221,43 @@ def _scan(
 
     @partial(jax.checkpoint, prevent_cse=False)
     def between_rebuilds(motion: Motion, _):
-        listed = neighbours.build(plan, box, motion.position.T)
-        loads = law(motion.position, listed)
+        found = neighbours.build(plan, box, motion.position.T)
+        listed = pairs.listed(found, box, motion.position, of_each, skin_left, plan.pairs)
+        loads = law(listed)
 
         @partial(jax.checkpoint, prevent_cse=False)
         def step(carry, _):
-            travelled, velocity, spin, memories, deepest, farthest = carry
+            travelled, velocity, spin, memory, deepest, farthest = carry
 
             def acting(half_way: Array, velocity: Array):
-                found = loads(half_way, velocity, spin, memories)
+                found = loads(half_way, velocity, spin, memory)
                 return found.force, found
 
             travelled, velocity, found = leapfrog.step(travelled, velocity, acting, kick, 1.0)
             spin = leapfrog.kicked(spin, found.torque, spin_kick)
-            farthest = jnp.maximum(farthest, lax.stop_gradient(jnp.max(sum(travelled**2))))
+            farthest = jnp.maximum(farthest, lax.stop_gradient(sum(travelled**2)))
             deepest = jnp.fmax(deepest, lax.stop_gradient(found.overlap))
             return (travelled, velocity, spin, found.memory, deepest, farthest), None
 
-        still = jnp.zeros((), motion.position.dtype)
-        memory = motion.memory.carried(history.partners(listed, box))
-        memories = history.apart(memory, len(box.walled_axes))
+        still = jnp.zeros(particles, motion.position.dtype)
+        memory = history.begun(motion.notes, listed)
         begin = (
             jnp.zeros_like(motion.position),
             motion.velocity,
             motion.spin,
-            memories,
-            motion.overlap,
+            memory,
+            jnp.zeros_like(motion.position, shape=plan.pairs),
             still,
         )
-        (travelled, velocity, spin, memories, deepest, farthest), _ = lax.scan(
+        (travelled, velocity, spin, memory, deepest, farthest), _ = lax.scan(
             step, begin, length=cuts.steps
         )
-        outran = (2.0 * jnp.sqrt(farthest) > skin_left) & (particles > 1)
+        outran = (2.0 * jnp.sqrt(jnp.max(farthest)) > skin_left) & (particles > 1)
         fault = motion.fault | listed.overflow | jnp.where(outran, int(Fault.OUTRAN_LIST), 0)
         position = motion.position + travelled
-        memory = history.together(*memories)
-        return Motion(position, velocity, spin, memory, deepest, fault), None
+        deepest = jnp.maximum(motion.overlap, listed.deepest(deepest))
+        notes = history.noted(memory, listed)
+        return Motion(position, velocity, spin, notes, deepest, fault), None
 
     def frame(motion: Motion, _):
         motion, _ = lax.scan(between_rebuilds, motion, length=cuts.rebuilds)

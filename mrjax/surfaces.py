@@ -1,0 +1,80 @@
+"""What two surfaces in contact have in common: Eqs. 5, 6 and 8, and tables by material."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jax import Array
+
+from mrjax import contact, friction, particle, rolling
+from mrjax.pairs import Pairs
+from mrjax.parameters import Parameters
+
+
+class Surfaces(NamedTuple):
+    """Constants of the contacts, (P,); () where equal for all."""
+
+    modulus: Array  # E*, Pa
+    shear_modulus: Array  # G*, Pa
+    radius: Array  # R*, m
+    mass: Array  # m*, kg
+    rolling_inertia: Array  # I_r, kg m^2
+    friction: Array  # mu
+    damping: Array  # z of `contact.damping_ratio`
+    dissipation: Array  # A, s
+    tangential_dissipation: Array  # B, s
+    rolling_friction: Array  # mu_r
+    rolling_damping: Array  # h_r
+
+
+def of(parameters: Parameters, material: Array | None, listed: Pairs) -> Surfaces:
+    """Constants of the listed contacts; a wall is of infinite radius and mass.
+
+    Args:
+      parameters: of the run.
+      material: index of each particle, (N,); None where all are of one.
+      listed: who meets whom.
+    """
+
+    def sides(leaf: Array, of_wall: Array | None = None) -> tuple[Array, Array]:
+        # A wall's id is beyond the last particle's, which is read in its place.
+        mine, theirs = (
+            (leaf, leaf) if jnp.ndim(leaf) == 0 else (leaf[listed.first], leaf[listed.second])
+        )
+        if of_wall is not None and listed.wall is not None:
+            theirs = jnp.where(listed.wall, of_wall, theirs)
+        return mine, theirs
+
+    def combined(leaf: Array) -> Array:
+        mine, theirs = sides(leaf)
+        between = contact.harmonic(mine, theirs)
+        return between if listed.wall is None else jnp.where(listed.wall, mine, between)
+
+    def table(leaf: Array) -> Array:
+        if jnp.ndim(leaf) == 0:
+            return leaf
+        index = jnp.zeros_like(listed.first, shape=1) if material is None else material
+        at_wall = leaf[index[listed.first], -1]
+        mine, theirs = index[listed.first], index[listed.second]
+        between = leaf[mine, theirs]
+        return between if listed.wall is None else jnp.where(listed.wall, at_wall, between)
+
+    (modulus_i, modulus_j), (poisson_i, poisson_j) = (
+        sides(parameters.elastic_modulus, parameters.wall_elastic_modulus),
+        sides(parameters.poisson_ratio, parameters.wall_poisson_ratio),
+    )
+    materials = (modulus_i, poisson_i, modulus_j, poisson_j)
+    moment, mass = particle.moment_of_inertia(parameters), particle.inertia(parameters)
+    radius = particle.outer_radius(parameters)
+    return Surfaces(
+        contact.effective_modulus(*materials),
+        friction.effective_shear_modulus(*materials),
+        combined(radius),
+        combined(mass),
+        combined(rolling.about_contact(moment, mass, radius)),
+        table(parameters.friction),
+        table(contact.damping_ratio(parameters.restitution)),
+        table(parameters.dissipation),
+        table(parameters.tangential_dissipation),
+        table(parameters.rolling_friction),
+        table(parameters.rolling_damping),
+    )
