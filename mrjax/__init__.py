@@ -11,7 +11,9 @@ from mrjax.observe import mudline_descent, reynolds_number, sedimentation_ratio,
 from mrjax.parameters import Parameters
 from mrjax.recipe import Recipe
 from mrjax.run import Fault, Run
+from mrjax.settle import settle
 from mrjax.simulate import simulate
+from mrjax.soften import softened
 from mrjax.state import State, place
 from mrjax.theory import terminal_velocity
 from mrjax.timestep import time_step
@@ -34,8 +36,10 @@ __all__ = [
     "place",
     "reynolds_number",
     "sedimentation_ratio",
+    "settle",
     "settling_velocity",
     "simulate",
+    "softened",
     "terminal_velocity",
     "time_step",
 ]

@@ -140,6 +140,8 @@ def normal_force(
     mass: ArrayLike,
     dissipation: ArrayLike = 0.0,
     damping: ArrayLike = 0.0,
+    *,
+    damped: bool = True,
 ) -> Array:
     """Eq. 4 with Tsuji's damping beside it: the repulsion of two surfaces; N.
 
@@ -153,9 +155,13 @@ def normal_force(
       mass: m*, the reduced mass, kg; read only with the damping.
       dissipation: A of Eq. 4, s. Gives a restitution that falls with the impact speed.
       damping: z of `damping_ratio`. Gives a restitution that does not.
+      damped: False where both are zero: a shorter program.
     """
     root, fourth_root = roots(overlap, radius)
     hertz = 4.0 / 3.0 * modulus * jnp.sqrt(radius)
-    elastic = hertz * root * (jnp.maximum(overlap, 0.0) + dissipation * closing_speed)
+    depth = jnp.maximum(overlap, 0.0)
+    if not damped:
+        return hertz * root * depth
+    elastic = hertz * root * (depth + dissipation * closing_speed)
     viscous = damping * jnp.sqrt(5.0 * mass * hertz) * fourth_root * closing_speed
     return jnp.maximum(elastic + viscous, 0.0)

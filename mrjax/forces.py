@@ -23,19 +23,26 @@ from mrjax.vectors import Vector, cross, dot, plus, times
 
 @dataclass(frozen=True)
 class Laws:
-    """Which tangential laws a run needs; without friction there is nothing to remember."""
+    """Which laws a run needs; without friction there is nothing to remember."""
 
     sliding: bool
     rolling: bool
+    damped: bool
 
 
 def laws(parameters: Parameters) -> Laws:
     """Those whose coefficient is not known to be zero, or whose derivative may be wanted."""
 
-    def acts(coefficient: Array) -> bool:
-        return isinstance(coefficient, Tracer) or bool(concrete(coefficient).any())
+    def acts(coefficient: Array, idle: float = 0.0) -> bool:
+        return isinstance(coefficient, Tracer) or bool((concrete(coefficient) != idle).any())
 
-    return Laws(acts(parameters.friction), acts(parameters.rolling_friction))
+    return Laws(
+        sliding=acts(parameters.friction),
+        rolling=acts(parameters.rolling_friction),
+        damped=acts(parameters.restitution, 1.0)
+        or acts(parameters.dissipation)
+        or acts(parameters.tangential_dissipation),
+    )
 
 
 class Loads(NamedTuple):
@@ -82,7 +89,7 @@ def total(
         def loads(displacement, velocity, spin, memory: Memory) -> Loads:
             meeting = _meeting(displacement, velocity, spin, listed, radius)
             acting, turning, memory = _contact(meeting, constants, memory, laws, time_step)
-            force = pull + jnp.stack([listed.summed(part, part, -1) for part in acting])
+            force = pull + jnp.stack([listed.opposed(part) for part in acting])
             torque = jnp.zeros_like(force)
             if turning is not None:
                 torque = jnp.stack([listed.summed(*of) for of in zip(*turning, strict=True)])
@@ -154,6 +161,7 @@ def _contact(
         surfaces.mass,
         surfaces.dissipation,
         surfaces.damping,
+        damped=laws.damped,
     )
     force, torque, slid, rolled = times(push, normal), None, memory.sliding, memory.rolling
     turn, twist = times(time_step, meeting.turning), time_step * meeting.twisting
@@ -170,6 +178,7 @@ def _contact(
             friction=surfaces.friction,
             dissipation=surfaces.tangential_dissipation,
             damping=surfaces.damping,
+            damped=laws.damped,
         )
         force = plus(force, 1.0, grip)
         lever = cross(normal, grip)

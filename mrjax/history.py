@@ -131,6 +131,15 @@ def recalled(
     )
 
 
+def blank(particles: int, slots: int, dtype, *, sliding: bool, rolling: bool) -> Contacts | None:
+    """Contacts with room for what a run will remember; None where it remembers nothing."""
+    if not sliding and not rolling:
+        return None
+    nothing = jnp.zeros((particles, slots, 3), dtype)
+    nobody = jnp.full((particles, slots), NOBODY, jnp.int32)
+    return Contacts(nobody, nothing if sliding else None, nothing if rolling else None)
+
+
 def recorded(notes: Notes, sound: Array, unit_length: float) -> Contacts | None:
     """The memory as part of a state, times a factor; None where there is none.
 

@@ -9,7 +9,7 @@ Drag is integrated exactly, so a free fall is exact at any step. alpha dt -> 0 g
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import jax.numpy as jnp
 from jax import Array
@@ -19,6 +19,9 @@ from mrjax.parameters import Parameters
 
 SERIES_BELOW = 0.1
 SERIES_ORDER = 11  # exact to rounding below the switch, three derivatives included
+
+
+Noted = TypeVar("Noted")
 
 
 class Kick(NamedTuple):
@@ -64,22 +67,20 @@ def mean_decay(exponent: Array) -> Array:
 def step(
     position: Array,
     velocity: Array,
-    force: Callable[[Array, Array], tuple[Array, Array]],
-    kick: Kick,
+    force: Callable[[Array, Array], tuple[Array, Kick, Noted]],
     time_step: float,
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, Array, Noted]:
     """One step of all particles.
 
     Args:
       position, velocity: (3, N).
-      force: of positions half-way and velocities, everything but the drag; (3, N), and a second
-        value that is handed on.
-      kick: the coefficients of this step.
+      force: of positions half-way and velocities: everything but the drag, (3, N), what the drag
+        makes of this step, and a value that is handed on.
 
     Returns:
-      position, velocity and the second value of `force`.
+      position, velocity and the last value of `force`.
     """
     half_way = position + 0.5 * time_step * velocity
-    acting, noted = force(half_way, velocity)
+    acting, kick, noted = force(half_way, velocity)
     velocity = kicked(velocity, acting, kick)
     return half_way + 0.5 * time_step * velocity, velocity, noted

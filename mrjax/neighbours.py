@@ -24,9 +24,6 @@ from mrjax.box import Box
 from mrjax.permissive import permissive
 
 PAIRS_DROPPED = int(partition.PartitionErrorCode.NEIGHBOR_LIST_OVERFLOW)
-MEAN_CONTACTS = 4
-"""Contacts listed for each particle: a settled bed of equal spheres has 3, walls included, and less
-than 4 where it is densest."""
 CELLS_OVERFULL = int(partition.PartitionErrorCode.CELL_LIST_OVERFLOW)
 
 
@@ -87,13 +84,16 @@ def plan(
     capacity = math.ceil(0.5 * reach / typical**3)
     # Packed spheres that a cube can hold the centres of.
     in_cell = math.ceil(0.7 * (cell / typical_diameter + 1) ** 3)
+    # A random bed of equal spheres has 2.5 contacts for each, walls included, and half a pair more
+    # within a twentieth of a diameter.
+    of_each = 3.0 + 10.0 * skin / largest_diameter
     every_contact = particles * (particles - 1) // 2 + 2 * particles * len(box.walled_axes)
     return Plan(
         cutoff=cutoff,
         cell=cell,
         capacity=min(particles - 1, capacity),
         cell_capacity=min(particles, in_cell),
-        pairs=max(8, min(every_contact, max(MEAN_CONTACTS * particles, 100))),
+        pairs=max(8, min(every_contact, max(math.ceil(of_each * particles), 100))),
     )
 
 

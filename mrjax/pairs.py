@@ -58,13 +58,16 @@ class Pairs:
         """What belongs to the first, less that of the second; (3, N) to (P,) each."""
         return tuple(mine - theirs for mine, theirs in zip(*self.of_both(components), strict=True))
 
-    def summed(self, of_first: Array, of_second: Array, sign: int = 1) -> Array:
+    def summed(self, of_first: Array, of_second: Array) -> Array:
         """The sum over the pairs of each particle of what belongs to its side, (P,) to (N,)."""
-        total = jnp.zeros(self.places.shape[1], of_first.dtype)
-        total = total.at[self.first].add(of_first)
-        if sign > 0:
-            return total.at[self.second].add(of_second, mode="drop")
-        return total.at[self.second].subtract(of_second, mode="drop")
+        total = jnp.zeros(self.places.shape[1], of_first.dtype).at[self.first].add(of_first)
+        return total.at[self.second].add(of_second, mode="drop")
+
+    def opposed(self, of_first: Array) -> Array:
+        """The same where the second has the opposite, as with forces; (P,) to (N,)."""
+        # Without forming the opposite: a compiler would compute all that leads to it once more.
+        total = jnp.zeros(self.places.shape[1], of_first.dtype).at[self.first].add(of_first)
+        return total.at[self.second].subtract(of_first, mode="drop")
 
     def deepest(self, of_pairs: Array) -> Array:
         """The greatest over the pairs of each particle, (P,) to (N,); at least 0."""
@@ -107,12 +110,16 @@ def listed(
         partner.append(jnp.full_like(ids, particles + 2 * axis + end))
         separation.append(tuple(beyond if other == axis else nothing for other in range(3)))
         near.append(abs(lax.stop_gradient(beyond)) < lax.stop_gradient(radius + skin)[None, :])
+    if not walls and not len(neighbours.partner):  # nothing to choose from, but no empty array
+        partner.append(ids)
+        separation.append((jnp.zeros_like(position[:1]),) * 3)
+        near.append(ids < 0)
     partner, near = jnp.concatenate(partner), jnp.concatenate(near)
 
     # In the order of the particles, so that what is read together lies together.
     (chosen,) = jnp.nonzero(near.T.reshape(-1), size=room, fill_value=0)
     present = jnp.arange(room) < jnp.sum(near)
-    first, slot = (index.astype(ids.dtype) for index in jnp.divmod(chosen, max(1, len(partner))))
+    first, slot = (index.astype(ids.dtype) for index in jnp.divmod(chosen, len(partner)))
     second = partner[slot, first]
     wall = second >= particles
     separation = tuple(jnp.concatenate(part)[slot, first] for part in zip(*separation, strict=True))

@@ -4,8 +4,10 @@ from dataclasses import dataclass, field
 from enum import IntFlag
 
 import jax
+import jax.numpy as jnp
 from jax import Array
 
+from mrjax.box import Box
 from mrjax.concrete import concrete
 from mrjax.errors import SimulationError
 from mrjax.state import State
@@ -55,10 +57,14 @@ class Run:
 
     times: Array
     """From 0 to the duration, (frames + 1,) in s."""
-    mudline: Array
-    """Height of the top of the highest particle, (frames + 1,) in m."""
+    heights: Array
+    """Height of the centre of every particle, (frames + 1, N) in m."""
+    radius: Array
+    """Of the coated particles, (N,) in m."""
     mean_velocity: Array
     """Mean velocity of all particles, downwards, (frames + 1,) in m/s."""
+    mean_speed: Array
+    """Mean of the particles' speeds, (frames + 1,) in m/s. Carries no derivative."""
     state: State
     """Positions, velocities, spins and the memory of contacts at the end."""
     deepest_overlap: Array
@@ -68,12 +74,22 @@ class Run:
     homogeneous sphere of the coating's material holds while it is much smaller than 1."""
     fault: Array
     """0, or the sum of the `Fault`s that were met, ()."""
-    initial_height: float = field(metadata={"static": True})
-    """Height that the dispersed suspension fills, m."""
+    box: Box = field(metadata={"static": True})
+    """The container, which the dispersed suspension filled."""
     time_step: float = field(metadata={"static": True})
     """Length of a step, s."""
     steps: int = field(metadata={"static": True})
     """Number of steps."""
+
+    @property
+    def mudline(self) -> Array:
+        """Height of the top of the highest particle, (frames + 1,) in m."""
+        return jnp.max(self.heights + self.radius[..., None, :], axis=-1)
+
+    @property
+    def initial_height(self) -> float:
+        """Height that the dispersed suspension fills, m."""
+        return self.box.height
 
     def check(self) -> None:
         """Passes where the run is good, and where it is traced and cannot be looked at.

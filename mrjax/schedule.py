@@ -14,6 +14,7 @@ from mrjax.errors import InputError
 from mrjax.neighbours import Plan
 from mrjax.parameters import Parameters
 from mrjax.state import State
+from mrjax.timestep import Mode
 
 MOST_STEPS = 2**31 - 1
 MOST_STEPS_BETWEEN_REBUILDS = 128
@@ -140,15 +141,22 @@ def steps_within_skin(speed: float, time_step: float, skin: float) -> int:
     return max(1, int(0.25 * skin / travel))
 
 
-def largest_stable_step(numbers: Parameters, box: Box, diameter: float, speed: float) -> float:
+def largest_stable_step(
+    numbers: Parameters,
+    box: Box,
+    diameter: float,
+    speed: float,
+    arrangement: tuple[Mode, ...] = timestep.CLOSE_PACKED,
+) -> float:
     """Largest step that survives the contacts to be expected, s; NaN where that is traced.
 
     They carry a column of particles as high as the box, or meet at twice the greatest speed.
     """
     load = np.asarray(particle.net_weight(numbers)) * max(1.0, box.height / diameter)
     overlap = float(timestep.expected_overlap(numbers, np.max(load), 2.0 * speed))
-    step = float(timestep.largest_stable_step(numbers, overlap))
+    step = float(timestep.largest_stable_step(numbers, overlap, arrangement))
     if not np.isfinite(step):
         return step
     # The first step into a contact may go deeper than a damped impact ever would.
-    return float(timestep.largest_stable_step(numbers, max(overlap, 2.0 * speed * step)))
+    deeper = max(overlap, 2.0 * speed * step)
+    return float(timestep.largest_stable_step(numbers, deeper, arrangement))

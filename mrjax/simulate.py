@@ -4,7 +4,7 @@ Lab units end at the door: the scan works with the contact radius as unit of len
 unit of time. What a fault spoils is NaN in a traced call and an error in a plain one.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 from functools import partial
 from typing import NamedTuple
 
@@ -13,16 +13,31 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from mrjax import checks, forces, history, leapfrog, neighbours, pairs, particle, schedule, timestep
+from mrjax import (
+    checks,
+    forces,
+    history,
+    leapfrog,
+    neighbours,
+    pairs,
+    particle,
+    schedule,
+    stability,
+    surfaces,
+    timestep,
+)
 from mrjax.box import Box
 from mrjax.concrete import concrete, known
 from mrjax.errors import InputError
 from mrjax.forces import Laws
+from mrjax.hindrance import Hindrance, hindered
 from mrjax.history import Notes
+from mrjax.leapfrog import Kick
 from mrjax.neighbours import Plan
-from mrjax.parameters import Parameters
+from mrjax.parameters import Parameters, per_particle
 from mrjax.run import Fault, Run
 from mrjax.schedule import Schedule
+from mrjax.stability import Swing
 from mrjax.state import State
 from mrjax.units import Units
 
@@ -42,6 +57,7 @@ def simulate(
     rebuild_every: int | None = None,
     capacity: int | None = None,
     cell_capacity: int | None = None,
+    hindrance: Hindrance | None = None,
 ) -> Run:
     """Follows the particles for a while.
 
@@ -63,11 +79,78 @@ def simulate(
         falls through the skin in between.
       capacity, cell_capacity: room in the neighbour list and its search cells; left out, for a
         random close packing.
+      hindrance: f_w for volume fractions, such as `recipe.hindrance`: each particle then feels that
+        of its own height (`mrjax.hindrance`) in place of the parameters' f_w.
 
     Raises:
       InputError: an argument that cannot be used, a step that would be unstable, or a traced value
         where a concrete one is needed.
       SimulationError: the run is not to be trusted (plain calls).
+    """
+    setup = prepared(
+        state,
+        parameters,
+        box,
+        duration=duration,
+        frames=frames,
+        time_step=time_step,
+        skin=skin,
+        rebuild_every=rebuild_every,
+        capacity=capacity,
+        cell_capacity=cell_capacity,
+    )
+    while True:
+        run = attempt(state, parameters, hindrance, box, setup)
+        fault = concrete(run.fault)
+        if fault is None or not fault.any():
+            return run
+        mended = setup.mended(run)
+        if mended is None:
+            run.check()
+        setup = mended
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What is decided before a run and fixes its compiled program."""
+
+    duration: float  # s
+    unit_length: float  # largest contact radius, m
+    plan: Plan
+    cuts: Schedule
+    laws: Laws
+
+    def mended(self, run: Run) -> "Setup | None":
+        """With more room, where the run failed for want of it; None for other faults."""
+        fault = int(np.bitwise_or.reduce(np.ravel(run.fault)))
+        if overflow := fault & (Fault.PAIRS_DROPPED | Fault.CELLS_OVERFULL):
+            return replace(self, plan=self.plan.grown(overflow, run.heights.shape[-1]))
+        if fault == Fault.OUTRAN_LIST and self.cuts.steps > 1:
+            return replace(self, cuts=self.cuts.rebuilt_more_often())
+        return None
+
+
+def prepared(
+    state: State,
+    parameters: Parameters,
+    box: Box,
+    *,
+    duration: float,
+    frames: int,
+    time_step: float | None,
+    skin: float,
+    rebuild_every: int | None = None,
+    capacity: int | None = None,
+    cell_capacity: int | None = None,
+    touch: bool | None = None,
+) -> Setup:
+    """Refuses what cannot be run, and decides what is left open.
+
+    Args:
+      touch: whether particles meet before the end; left out, judged from where they are.
+
+    Raises:
+      InputError: as `simulate`.
     """
     frames = checks.whole(frames, "frames")
     duration = checks.positive(duration, "duration", "s")
@@ -80,10 +163,16 @@ def simulate(
         radius = np.asarray(particle.outer_radius(numbers))
         diameter = schedule.contact_diameter(state, radius, slack=skin / 4)
         speed = schedule.fastest(velocity, numbers, box, duration)
-        touch = state.contacts is not None or checks.may_touch(
-            position, radius, box, 2 * speed * duration, diameter
+        if touch is None:
+            touch = state.contacts is not None or checks.may_touch(
+                position, radius, box, 2 * speed * duration, diameter
+            )
+        largest, hopeless = (
+            schedule.largest_stable_step(numbers, box, diameter, speed, arrangement)
+            if touch
+            else np.inf
+            for arrangement in (timestep.CLOSE_PACKED, timestep.TOUCHING_PAIR)
         )
-        largest = schedule.largest_stable_step(numbers, box, diameter, speed) if touch else np.inf
         if time_step is None:
             # Eq. 29 knows nothing of dissipation, which may ask for less.
             time_step = np.fmin(_chosen_step(numbers, touch), largest)
@@ -98,43 +187,27 @@ def simulate(
         plan = replace(plan, cell_capacity=checks.whole(cell_capacity, "cell_capacity"))
     checks.between_walls(box, diameter)
     checks.wide_enough(box, state.particles, plan.cutoff * diameter / 2)
-    if time_step > largest:
+    if time_step > hopeless:
         raise InputError(
             f"time_step = {time_step:.4g} s is unstable for contacts this stiff; the largest that "
-            f"would do is {0.995 * largest:.3g} s"
+            f"surely does is {0.995 * largest:.3g} s"
         )
     if rebuild_every is None:
         rebuild_every = schedule.steps_within_skin(speed, time_step, skin * diameter)
     cuts = schedule.cut(duration, time_step, frames, checks.whole(rebuild_every, "rebuild_every"))
 
     # Without a contact friction is only compiled.
-    laws = forces.laws(parameters) if touch else Laws(sliding=False, rolling=False)
-
-    while True:
-        run = _run(state, parameters, box, duration, diameter / 2, plan, cuts, laws)
-        fault = concrete(run.fault)
-        if fault is None or not fault.any():
-            return run
-        overflow = int(fault) & (Fault.PAIRS_DROPPED | Fault.CELLS_OVERFULL)
-        if overflow:
-            plan = plan.grown(overflow, state.particles)
-        elif int(fault) == Fault.OUTRAN_LIST and cuts.steps > 1:
-            cuts = cuts.rebuilt_more_often()
-        else:
-            run.check()
+    laws = forces.laws(parameters) if touch else Laws(sliding=False, rolling=False, damped=False)
+    return Setup(duration, diameter / 2, plan, cuts, laws)
 
 
-def _run(
-    state: State,
-    parameters: Parameters,
-    box: Box,
-    duration: float,
-    unit_length: float,
-    plan: Plan,
-    cuts: Schedule,
-    laws: Laws,
+def attempt(
+    state: State, parameters: Parameters, hindrance: Hindrance | None, box: Box, setup: Setup
 ) -> Run:
-    """One attempt: SI to reduced units, the scan, and back."""
+    """One run with all decided, whose faults may be mended: SI to reduced units, scan, and back."""
+    duration, unit_length, plan, cuts, laws = (
+        getattr(setup, field.name) for field in fields(setup)
+    )
     time_step = duration / cuts.total
     units = Units(mass=1000.0 * unit_length**3, length=unit_length, time=time_step)
     dtype = state.position.dtype
@@ -152,12 +225,15 @@ def _run(
         state.spin.T * units.time,
         notes,
         jnp.zeros(state.particles, dtype),
+        stability.unknown(state.particles, dtype),
         jnp.zeros((), jnp.int32),
     )
-    end, mudline, descent, overlap, coating, fault = _scan(
+    reduced = parameters.reduced(units).astype(dtype)
+    end, heights, descent, speed, overlap, coating, fault = _scan(
         motion,
-        parameters.reduced(units).astype(dtype),
+        reduced,
         state.material,
+        hindrance,
         box=box.scaled(1 / units.length),
         plan=plan,
         cuts=cuts,
@@ -174,13 +250,15 @@ def _run(
     )
     return Run(
         times=jnp.asarray(np.linspace(0.0, duration, cuts.frames + 1), dtype),
-        mudline=sound * units.length * mudline,
+        heights=sound * units.length * heights,
         mean_velocity=sound * units.velocity * descent,
+        mean_speed=sound * units.velocity * speed,
+        radius=units.length * per_particle(particle.outer_radius(reduced), state.particles),
         state=last,
         deepest_overlap=sound * overlap,
         coating_overlap=sound * coating,
         fault=fault,
-        initial_height=box.height,
+        box=box,
         time_step=time_step,
         steps=cuts.total,
     )
@@ -194,6 +272,7 @@ class Motion(NamedTuple):
     spin: Array  # (3, N)
     notes: Notes
     overlap: Array  # deepest of each particle so far, (N,)
+    swing: Swing
     fault: Array  # ()
 
 
@@ -202,27 +281,35 @@ def _scan(
     start: Motion,
     parameters: Parameters,
     material: Array | None,
+    hindrance: Hindrance | None,
     *,
     box: Box,
     plan: Plan,
     cuts: Schedule,
     laws: Laws,
-) -> tuple[Motion, Array, Array, Array, Array, Array]:
+) -> tuple[Motion, Array, Array, Array, Array, Array, Array]:
     """The compiled loops, in reduced units with steps of length one."""
     particles = start.position.shape[1]
     law = forces.total(parameters, particles, laws=laws, material=material)
-    kick, spin_kick = leapfrog.kick(parameters, 1.0), leapfrog.spin_kick(parameters, 1.0)
-    radius = particle.outer_radius(parameters)
-    of_each = jnp.broadcast_to(radius, (particles,))
+    radius = per_particle(particle.outer_radius(parameters), particles)
     skin_left = plan.cutoff - 2.0 * jnp.max(radius)
 
-    def observe(motion: Motion) -> tuple[Array, Array]:
-        return jnp.max(motion.position[2] + radius), 0.0 - jnp.mean(motion.velocity[2])
+    def kicks(position: Array) -> tuple[Kick, Kick]:
+        felt = parameters
+        if hindrance is not None:
+            felt = hindered(parameters, hindrance, box, position, spacing=2.0)
+        return leapfrog.kick(felt, 1.0), leapfrog.spin_kick(felt, 1.0)
+
+    everywhere = kicks(start.position)
+
+    def observe(motion: Motion) -> tuple[Array, Array, Array]:
+        speed = jnp.sqrt(lax.stop_gradient(sum(motion.velocity**2)))
+        return motion.position[2], 0.0 - jnp.mean(motion.velocity[2]), jnp.mean(speed)
 
     @partial(jax.checkpoint, prevent_cse=False)
     def between_rebuilds(motion: Motion, _):
         found = neighbours.build(plan, box, motion.position.T)
-        listed = pairs.listed(found, box, motion.position, of_each, skin_left, plan.pairs)
+        listed = pairs.listed(found, box, motion.position, radius, skin_left, plan.pairs)
         loads = law(listed)
 
         @partial(jax.checkpoint, prevent_cse=False)
@@ -231,10 +318,13 @@ def _scan(
 
             def acting(half_way: Array, velocity: Array):
                 found = loads(half_way, velocity, spin, memory)
-                return found.force, found
+                straight, turning = (
+                    everywhere if hindrance is None else kicks(motion.position + half_way)
+                )
+                return found.force, straight, (found, turning)
 
-            travelled, velocity, found = leapfrog.step(travelled, velocity, acting, kick, 1.0)
-            spin = leapfrog.kicked(spin, found.torque, spin_kick)
+            travelled, velocity, (found, turning) = leapfrog.step(travelled, velocity, acting, 1.0)
+            spin = leapfrog.kicked(spin, found.torque, turning)
             farthest = jnp.maximum(farthest, lax.stop_gradient(sum(travelled**2)))
             deepest = jnp.fmax(deepest, lax.stop_gradient(found.overlap))
             return (travelled, velocity, spin, found.memory, deepest, farthest), None
@@ -255,33 +345,41 @@ def _scan(
         outran = (2.0 * jnp.sqrt(jnp.max(farthest)) > skin_left) & (particles > 1)
         fault = motion.fault | listed.overflow | jnp.where(outran, int(Fault.OUTRAN_LIST), 0)
         position = motion.position + travelled
+        swing = stability.swing(
+            motion.swing,
+            listed,
+            surfaces.of(parameters, material, listed),
+            deepest,
+            radius,
+            *kicks(position),
+            sliding=laws.sliding,
+        )
+        swing = lax.stop_gradient(swing)
+        fault |= jnp.where(swing.rate > stability.MOST, int(Fault.UNSTABLE), 0)
         deepest = jnp.maximum(motion.overlap, listed.deepest(deepest))
         notes = history.noted(memory, listed)
-        return Motion(position, velocity, spin, notes, deepest, fault), None
+        return Motion(position, velocity, spin, notes, deepest, swing, fault), None
 
+    @partial(jax.checkpoint, prevent_cse=False)
     def frame(motion: Motion, _):
         motion, _ = lax.scan(between_rebuilds, motion, length=cuts.rebuilds)
         return motion, observe(motion)
 
     at_start = observe(start)
     end, after = lax.scan(frame, start, length=cuts.frames)
-    mudline, descent = (
+    heights, descent, speed = (
         jnp.concatenate([first[None], later]) for first, later in zip(at_start, after, strict=True)
     )
     overlap = jnp.max(end.overlap / radius)
     thickness = particle.coating_thickness(parameters)
     coated = thickness > 0.0
     coating = jnp.max(jnp.where(coated, end.overlap / jnp.where(coated, thickness, 1.0), 0.0))
-    fault = end.fault | _faults_of_motion(parameters, box, end, overlap, coating)
-    return end, mudline, descent, overlap, coating, fault
+    fault = end.fault | _faults_of_motion(box, end, overlap, coating)
+    return end, heights, descent, speed, overlap, coating, fault
 
 
-def _faults_of_motion(
-    parameters: Parameters, box: Box, end: Motion, deepest: Array, coating: Array
-) -> Array:
+def _faults_of_motion(box: Box, end: Motion, deepest: Array, coating: Array) -> Array:
     """What a finished run shows of a step that was too long, ()."""
-    overlap = deepest * jnp.max(particle.outer_radius(parameters))
-    limit = timestep.largest_stable_step(parameters, overlap, timestep.TOUCHING_PAIR)
     escaped = jnp.zeros((), bool)
     for axis in box.walled_axes:
         outside = (end.position[axis] < 0.0) | (end.position[axis] > box.size[axis])
@@ -289,7 +387,6 @@ def _faults_of_motion(
     moved = (end.position, end.velocity, end.spin)
     finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(part)) for part in moved]))
     found = (
-        (limit < 1.0, Fault.UNSTABLE),
         (deepest > DEEPEST, Fault.TOO_DEEP),
         (escaped, Fault.ESCAPED),
         (coating > 1.0, Fault.THROUGH_COATING),

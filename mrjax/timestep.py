@@ -96,22 +96,10 @@ def largest_stable_step(
     friction and needs no limit of its own. Infinite where nothing overlaps.
     """
     modulus, shear_modulus, radius, mass = _pair(parameters)
-    damping = contact.damping_ratio(parameters.restitution)
     normal = contact.stiffness(modulus, radius, overlap)
     grips = jnp.any(_of_particles(parameters.friction) > 0.0)
     tangential = jnp.where(grips, friction.stiffness(shear_modulus, radius, overlap), 0.0)
-    impact = _largest(
-        contact.damping_coefficient, modulus, radius, mass, overlap, parameters.dissipation, damping
-    )
-    shear = _largest(
-        friction.damping_coefficient,
-        shear_modulus,
-        radius,
-        mass,
-        overlap,
-        parameters.tangential_dissipation,
-        damping,
-    )
+    impact, shear = _dashpots(parameters, overlap)
     shear = jnp.where(grips, shear, 0.0)
 
     def limit(mode: Mode) -> Array:
@@ -127,6 +115,29 @@ def largest_stable_step(
         return jnp.min(jnp.where(swings, jnp.maximum(inertial, overdamped), jnp.inf))
 
     return jnp.min(jnp.stack([limit(mode) for mode in arrangement]))
+
+
+def dashpots(parameters: Parameters, overlap: ArrayLike) -> Array:
+    """The larger dashpot of a contact, normal or tangential, at an overlap in m; N s/m.
+
+    An upper bound over all that a particle may touch, () or (N,).
+    """
+    return jnp.maximum(*_dashpots(parameters, overlap))
+
+
+def _dashpots(parameters: Parameters, overlap: ArrayLike) -> tuple[Array, Array]:
+    modulus, shear_modulus, radius, mass = _pair(parameters)
+    damping = contact.damping_ratio(parameters.restitution)
+    of_contact = (radius, mass, overlap)
+    impact = (contact.damping_coefficient, modulus, *of_contact, parameters.dissipation, damping)
+    shear = (
+        friction.damping_coefficient,
+        shear_modulus,
+        *of_contact,
+        parameters.tangential_dissipation,
+        damping,
+    )
+    return _largest(*impact), _largest(*shear)
 
 
 def _largest(law: Callable, modulus, radius, mass, overlap, dissipation, damping) -> Array:

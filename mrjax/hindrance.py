@@ -1,0 +1,85 @@
+"""Hindered settling by the local volume fraction (Kynch 1952): f_w of each particle's own height.
+
+A suspension settles in layers: clear fluid above, the suspension, the bed. With one f_w for all,
+the bed consolidates and the interface falls with the same drag; here each particle feels that of
+its layer.
+"""
+
+from collections.abc import Callable
+
+import jax.numpy as jnp
+from jax import Array, lax
+
+from mrjax import particle
+from mrjax.box import Box
+from mrjax.parameters import Parameters, per_particle
+
+Hindrance = Callable[[Array], Array]
+"""f_w for volume fractions: a closure of `mrjax.drag`, its coefficients bound by
+`jax.tree_util.Partial` so that they can be traced."""
+
+DENSEST = 0.7
+"""Volume fraction beyond which none is believed: more than a random packing has."""
+
+
+def hindered(
+    parameters: Parameters, hindrance: Hindrance, box: Box, position: Array, spacing: float
+) -> Parameters:
+    """The parameters with the f_w that each particle feels, (N,).
+
+    Args:
+      parameters, box: in one coherent system of units.
+      hindrance: in place of `parameters.f_w`.
+      position: centres, (3, N).
+      spacing: of `local_volume_fraction`.
+    """
+    fraction = local_volume_fraction(parameters, box, position, spacing)
+    return parameters.replace(f_w=hindrance(jnp.minimum(fraction, DENSEST)))
+
+
+def local_volume_fraction(
+    parameters: Parameters, box: Box, position: Array, spacing: float
+) -> Array:
+    """Volume fraction of coated particles at the height of each, over the width of the box; (N,).
+
+    Every particle is spread over levels by a cubic B-spline and reads from them by the same: twice
+    continuously differentiable, an average over some two spacings to either side. The floor
+    mirrors the suspension, so that a bed is as dense there as above; over its top is clear fluid.
+
+    Args:
+      parameters, box: in one coherent system of units.
+      position: centres, (3, N).
+      spacing: of the levels, about one particle diameter; fixes the number of levels.
+    """
+    levels = max(4, round(box.height / spacing))
+    spacing = box.height / levels
+    height = position[2] / spacing
+    periodic = box.periodic[2]
+    # Two levels beyond either end, where nothing is periodic.
+    beyond = 0 if periodic else 2
+
+    def reached(height: Array) -> tuple[Array, Array]:
+        below = jnp.floor(lax.stop_gradient(height))
+        level = below.astype(jnp.int32)[None, :] + jnp.arange(-1, 3, dtype=jnp.int32)[:, None]
+        weight = jnp.stack(_cubic_b_spline(height - below))
+        return (level % levels if periodic else level + beyond), weight
+
+    volume = per_particle(4 / 3 * jnp.pi * particle.outer_radius(parameters) ** 3, height.shape[0])
+    share = volume / (box.size[0] * box.size[1] * spacing)
+    fraction = jnp.zeros(levels + 1 + 2 * beyond, height.dtype)
+    for image in (height,) if periodic else (height, -height):
+        level, weight = reached(image)
+        fraction = fraction.at[level].add(weight * share[None, :], mode="drop")
+    level, weight = reached(height)
+    return jnp.sum(weight * fraction[level], axis=0)
+
+
+def _cubic_b_spline(offset: Array) -> tuple[Array, Array, Array, Array]:
+    """Weights of the levels below and above a point, at -1, 0, 1 and 2 from the one below it."""
+    rest = 1.0 - offset
+    return (
+        rest**3 / 6.0,
+        2.0 / 3.0 - 0.5 * offset**2 * (1.0 + rest),
+        2.0 / 3.0 - 0.5 * rest**2 * (1.0 + offset),
+        offset**3 / 6.0,
+    )

@@ -1,0 +1,259 @@
+"""The whole sedimentation curve: a run, or an ensemble of runs, until the bed rests."""
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from tqdm import tqdm
+
+from mrjax import checks, history, particle, soften, theory, timestep
+from mrjax.box import Box
+from mrjax.concrete import known
+from mrjax.errors import InputError, SimulationError
+from mrjax.hindrance import Hindrance
+from mrjax.parameters import Parameters
+from mrjax.run import Fault, Run
+from mrjax.simulate import Setup, attempt, prepared
+from mrjax.state import State
+from mrjax.timestep import Mode
+
+RANDOM_BED = (Mode(2.8, 2.8, 2.8),)
+"""About what the contacts of a random bed of spheres add up to; a run that shows this to be too few
+is repeated with shorter steps."""
+
+PACKED = 0.64
+"""Volume fraction of a random close packing: what is left to fall through, at most."""
+FRAMES_AT_ONCE = 10
+FRAMES_AT_REST = 3
+PATIENCE = 8.0
+"""Times the expected duration after which a bed is given up."""
+SHORTER = 0.7
+"""Factor on a step that turned out too long."""
+INERTIAL = 8.0
+"""How much shorter a step must be where drag does not damp contacts: an impact takes about 20."""
+
+
+def settle(
+    states: State | Sequence[State],
+    parameters: Parameters,
+    box: Box,
+    *,
+    interval: float | None = None,
+    rest: float = 1e-3,
+    longest: float | None = None,
+    time_step: float | None = None,
+    skin: float = 0.05,
+    rebuild_every: int | None = None,
+    hindrance: Hindrance | None = None,
+    progress: bool = False,
+) -> Run:
+    """Follows a suspension until its bed rests.
+
+    At the stiffness of real particles that takes 1e12 steps: give parameters that `softened` made.
+    Not for traced calls. Gradients of the curve are those of `simulate` with `duration`, `frames`
+    and `time_step` from the run that this returns.
+
+    Args:
+      states: where the particles start; or several such states, of as many particles each, which
+        are followed together until all of them rest.
+      parameters: of particles, fluid and contact.
+      box: the container.
+      interval: between two recorded frames, s; left out, a 200th of the expected duration.
+      rest: mean speed of the particles at which they rest, over the speed at which they fall.
+      longest: duration after which to give up, s; left out, 8 times the expected one.
+      time_step: longest step, s; left out, what a random bed under its weight is stable at.
+      skin, rebuild_every, hindrance: as for `simulate`.
+      progress: whether to show a progress bar, on standard error.
+
+    Returns:
+      The run, its observables with a leading axis for several states.
+
+    Raises:
+      InputError: an argument that cannot be used.
+      SimulationError: the bed did not come to rest, or the run is not to be trusted.
+    """
+    rest = checks.positive(rest, "rest", "the falling speed")
+    several = not isinstance(states, State)
+    each = list(states) if several else [states]
+    if not each or len({state.particles for state in each}) > 1:
+        raise InputError("states differ in their number of particles, or there are none")
+    expected, falling = _expected(each, parameters, box)
+    interval = expected / 200 if interval is None else checks.positive(interval, "interval", "s")
+    longest = PATIENCE * expected if longest is None else checks.positive(longest, "longest", "s")
+    if time_step is None:
+        time_step = min(interval, _bearable_step(each[0], parameters, box, falling))
+    slow = rest * falling
+    while True:
+        setup = prepared(
+            each[0],
+            parameters,
+            box,
+            duration=interval * FRAMES_AT_ONCE,
+            frames=FRAMES_AT_ONCE,
+            time_step=time_step,
+            skin=skin,
+            rebuild_every=rebuild_every,
+            touch=True,
+        )
+        follow = partial(
+            _until_rest, parameters, hindrance, box, setup, slow, expected, longest, progress
+        )
+        # One program for all; each thread is busy outside Python.
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            runs = list(pool.map(follow, range(len(each)), each))
+        if all(int(run.fault) != Fault.UNSTABLE for run in runs):
+            break
+        time_step = SHORTER * setup.duration / setup.cuts.total
+    for run in runs:
+        run.check()
+    return _stacked(runs) if several else runs[0]
+
+
+def _until_rest(
+    parameters: Parameters,
+    hindrance: Hindrance | None,
+    box: Box,
+    setup: Setup,
+    slow: float,
+    expected: float,
+    longest: float,
+    progress: bool,
+    place: int,
+    state: State,
+) -> Run:
+    """Part after part until the particles are slow, m/s; where one has a fault, that part alone."""
+    now, parts, fastest = _ready(state, box, setup), [], 0.0
+    with _bar(expected, progress, place) as bar:
+        while True:
+            part = _part(now, parameters, hindrance, box, setup)
+            if part.fault:
+                mended = setup.mended(part)
+                if mended is None:
+                    return part
+                setup = mended
+                continue
+            parts.append(part)
+            now, speed = part.state, np.asarray(part.mean_speed)
+            fastest, time = max(fastest, speed.max()), setup.duration * len(parts)
+            bar.total = max(bar.total, time)
+            bar.set_postfix_str(f"at {speed[-1] / fastest:.2%} of the greatest speed", False)
+            bar.update(setup.duration)
+            if (speed[-FRAMES_AT_REST:] < slow).all():
+                return _joined(parts, setup)
+            if time >= longest:
+                raise SimulationError(
+                    f"after {time:.4g} s the particles still move at {speed[-1]:.3g} m/s, more "
+                    f"than {slow:.3g} m/s: give a larger `longest` or `rest`"
+                )
+
+
+@partial(jax.jit, static_argnames=("box", "setup"))
+def _part(
+    state: State, parameters: Parameters, hindrance: Hindrance | None, box: Box, setup: Setup
+) -> Run:
+    """The next frames."""
+    return attempt(state, parameters, hindrance, box, setup)
+
+
+def _ready(state: State, box: Box, setup: Setup) -> State:
+    """The state with room for the memory that the run will give it: one program for all parts."""
+    if state.contacts is not None:
+        return state
+    blank = history.blank(
+        state.particles,
+        setup.plan.capacity + 2 * len(box.walled_axes),
+        state.position.dtype,
+        sliding=setup.laws.sliding,
+        rolling=setup.laws.rolling,
+    )
+    return replace(state, contacts=blank)
+
+
+def _joined(parts: list[Run], setup: Setup) -> Run:
+    """One run of parts that follow each other."""
+
+    def along(name: str) -> Array:
+        rows = [getattr(part, name) for part in parts]
+        return jnp.concatenate([rows[0], *(row[1:] for row in rows[1:])])
+
+    def deepest(name: str) -> Array:
+        return jnp.max(jnp.stack([getattr(part, name) for part in parts]))
+
+    last, frames = parts[-1], len(parts) * setup.cuts.frames
+    times = np.linspace(0.0, len(parts) * setup.duration, frames + 1)
+    return replace(
+        last,
+        times=jnp.asarray(times, last.times.dtype),
+        **{name: along(name) for name in ("heights", "mean_velocity", "mean_speed")},
+        **{name: deepest(name) for name in ("deepest_overlap", "coating_overlap")},
+        steps=sum(part.steps for part in parts),
+    )
+
+
+def _stacked(runs: list[Run]) -> Run:
+    """Runs side by side; those that rest early keep their last frame."""
+    longest = max(runs, key=lambda run: len(run.times))
+
+    def padded(run: Run) -> Run:
+        missing = len(longest.times) - len(run.times)
+
+        def held(rows: Array) -> Array:
+            return jnp.pad(rows, [(0, missing)] + [(0, 0)] * (rows.ndim - 1), mode="edge")
+
+        return replace(
+            run,
+            times=longest.times,
+            **{n: held(getattr(run, n)) for n in ("heights", "mean_velocity", "mean_speed")},
+            time_step=longest.time_step,
+            steps=longest.steps,
+        )
+
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *map(padded, runs))
+
+
+def _expected(states: list[State], parameters: Parameters, box: Box) -> tuple[float, float]:
+    """About how long the particles fall, s, and how fast, m/s."""
+    with jax.ensure_compile_time_eval():
+        numbers = known(parameters)
+        particles = states[0].particles
+        radius = np.broadcast_to(particle.outer_radius(numbers), particles)
+        pull = np.max(particle.net_weight(numbers) / particle.inertia(numbers))
+        terminal = np.min(theory.terminal_velocity(numbers))
+    if np.isnan(terminal) and numbers.gravity > 0:
+        raise InputError("the parameters are traced by jit or vmap; settle cannot be")
+    if not pull > 0:
+        raise InputError("nothing pulls the particles down: gravity or net weight is not positive")
+    top = max(float(np.max(np.asarray(state.position)[:, 2] + radius)) for state in states)
+    solid = float(np.sum(4 / 3 * np.pi * radius**3))
+    fall = max(top - solid / (PACKED * box.size[0] * box.size[1]), float(radius.max()))
+    free = float(np.sqrt(2.0 * pull * fall))
+    falling = min(free, float(terminal))
+    return max(fall / float(terminal), 2.0 * fall / free), falling
+
+
+def _bearable_step(state: State, parameters: Parameters, box: Box, falling: float) -> float:
+    """A step that a random bed of these particles is stable at, and that resolves a dry impact."""
+    with jax.ensure_compile_time_eval():
+        numbers = known(parameters)
+        resting = soften.resting_overlap(numbers, box, state.particles)
+        overlap = max(resting, float(timestep.expected_overlap(numbers, 0.0, falling)))
+        stable = float(timestep.largest_stable_step(numbers, overlap, RANDOM_BED))
+        relaxation = float(np.min(timestep.relaxation_time(numbers)))
+    return stable if relaxation < stable else stable / INERTIAL
+
+
+def _bar(expected: float, progress: bool, place: int) -> tqdm:
+    return tqdm(
+        total=expected,
+        position=place,
+        desc="settling",
+        disable=not progress,
+        bar_format="{desc} {percentage:3.0f} % |{bar:20}| {n:.3g} of about {total:.3g} s, "
+        "{remaining} left{postfix}",
+    )

@@ -1,0 +1,126 @@
+"""Whether the contacts of a bed are stable at a step, from the bed itself."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import Array, lax
+
+from mrjax import contact, friction
+from mrjax.leapfrog import Kick
+from mrjax.pairs import Pairs
+from mrjax.surfaces import Surfaces
+from mrjax.vectors import cross, dot, plus, times
+
+ITERATIONS = 8
+MOST = 0.95
+"""Rate beyond which a bed is not trusted: the iteration finds the last per cents late."""
+
+
+class Swing(NamedTuple):
+    """The fastest mode that has been found so far, and how near it is to instability."""
+
+    mode: Array  # displacements and turns of all particles, (6, N)
+    rate: Array  # 1 at the limit of stability, ()
+
+
+def unknown(particles: int, dtype) -> Swing:
+    """Before a first bed has been seen: neighbours move apart, in no order."""
+    mode = jax.random.normal(jax.random.key(0), (6, particles), dtype)
+    return Swing(mode, jnp.zeros((), dtype))
+
+
+def swing(
+    before: Swing,
+    listed: Pairs,
+    constants: Surfaces,
+    overlap: Array,
+    radius: Array,
+    kick: Kick,
+    spin_kick: Kick,
+    *,
+    sliding: bool,
+) -> Swing:
+    """How near these contacts are to instability at this step, in the unit of time.
+
+    A bed with stiffness A and dashpots C is stable at a step dt while the largest eigenvalue of
+
+        Q^1/2 (dt A + 2 C) Q^1/2,    Q = tanh(alpha dt / 2) / gamma of each particle or its spin,
+
+    is less than 2 (`timestep.largest_stable_step` for one contact). It is found by power
+    iteration, which goes on from the mode that was fastest in the bed before and errs, by some
+    per cent, towards stability. Contacts that slide count as if they held.
+
+    Args:
+      before: what is known of the bed so far.
+      listed, constants: the contacts of the bed.
+      overlap: of each, m; not positive where there is none; (P,).
+      radius: of the particles, (N,).
+      kick, spin_kick: of the step, `leapfrog.kick`.
+      sliding: whether friction acts.
+    """
+    normal, tangential = _stiffnesses(listed, constants, overlap, sliding)
+    square = jnp.where(listed.present, dot(listed.separation, listed.separation), 1.0)
+    direction = times(1.0 / jnp.sqrt(square), listed.separation)
+    yielding = jnp.sqrt(_compliance(kick) * jnp.ones_like(radius))
+    turning = jnp.sqrt(_compliance(spin_kick) * jnp.ones_like(radius)) * radius
+
+    def applied(mode: Array) -> Array:
+        moved, turned = mode[:3] * yielding[None, :], mode[3:] * turning[None, :]
+        apart = listed.difference(moved)
+        # Turns are in units of length, about arms that point against the direction.
+        mine, theirs = listed.of_both(turned)
+        slip = plus(apart, -1.0, cross(plus(mine, 1.0, theirs), direction))
+        along = dot(slip, direction)
+        force = plus(times(tangential, slip), (normal - tangential) * along, direction)
+        lever = cross(direction, force)
+        pushed = jnp.stack([listed.opposed(part) for part in force]) * yielding[None, :]
+        spun = jnp.stack([listed.summed(part, part) for part in lever]) * turning[None, :]
+        return jnp.concatenate([pushed, -spun])
+
+    def iterated(_, found: Swing) -> Swing:
+        mode = applied(found.mode)
+        size = jnp.sqrt(jnp.sum(mode**2))
+        moves = size > 0.0
+        mode = jnp.where(moves, mode / jnp.where(moves, size, 1.0), found.mode)
+        return Swing(mode, jnp.where(moves, size, 0.0))
+
+    length = jnp.sqrt(jnp.sum(before.mode**2))
+    found = lax.fori_loop(0, ITERATIONS, iterated, Swing(before.mode / length, before.rate))
+    # What has come to rest is forgotten, but not for good: noise wakes modes of contacts to come.
+    noise = unknown(len(radius), radius.dtype).mode
+    return Swing(found.mode + 1e-3 * noise / jnp.sqrt(noise.size), 0.5 * found.rate)
+
+
+def _compliance(kick: Kick) -> Array:
+    """tanh(alpha dt / 2) / gamma, finite without drag."""
+    return kick.gain / (1.0 + kick.keep)
+
+
+def _stiffnesses(
+    listed: Pairs, constants: Surfaces, overlap: Array, sliding: bool
+) -> tuple[Array, Array]:
+    """K + 2 c of every contact in the unit of time, normal and tangential; (P,)."""
+    touching = (overlap > 0.0) & listed.present
+    depth = jnp.where(touching, overlap, 1.0)
+    normal = contact.stiffness(constants.modulus, constants.radius, depth)
+    normal += 2.0 * contact.damping_coefficient(
+        constants.modulus,
+        constants.radius,
+        constants.mass,
+        depth,
+        constants.dissipation,
+        constants.damping,
+    )
+    if not sliding:
+        return jnp.where(touching, normal, 0.0), jnp.zeros_like(normal)
+    tangential = friction.stiffness(constants.shear_modulus, constants.radius, depth)
+    tangential += 2.0 * friction.damping_coefficient(
+        constants.shear_modulus,
+        constants.radius,
+        constants.mass,
+        depth,
+        constants.tangential_dissipation,
+        constants.damping,
+    )
+    return jnp.where(touching, normal, 0.0), jnp.where(touching, tangential, 0.0)
