@@ -3,14 +3,23 @@
 from importlib.metadata import version
 
 from mrjax.box import Box
+from mrjax.concentration import bed_front, concentration
 from mrjax.disperse import disperse
 from mrjax.errors import InputError, SimulationError
 from mrjax.history import Contacts
-from mrjax.loads import contact_forces
-from mrjax.observe import mudline_descent, reynolds_number, sedimentation_ratio, settling_velocity
+from mrjax.loads import contact_forces, coordination_number
+from mrjax.observe import (
+    HEIGHTS,
+    asymptotes,
+    mudline_descent,
+    reynolds_number,
+    sedimentation_ratio,
+    settling_velocity,
+)
 from mrjax.parameters import Parameters
 from mrjax.recipe import Recipe
 from mrjax.run import Fault, Run
+from mrjax.sedimentation import Sedimentation, sedimentation, standard_error
 from mrjax.settle import settle
 from mrjax.simulate import simulate
 from mrjax.soften import softened
@@ -21,6 +30,7 @@ from mrjax.timestep import time_step
 __version__ = version("mrjax")
 
 __all__ = [
+    "HEIGHTS",
     "Box",
     "Contacts",
     "Fault",
@@ -28,18 +38,25 @@ __all__ = [
     "Parameters",
     "Recipe",
     "Run",
+    "Sedimentation",
     "SimulationError",
     "State",
+    "asymptotes",
+    "bed_front",
+    "concentration",
     "contact_forces",
+    "coordination_number",
     "disperse",
     "mudline_descent",
     "place",
     "reynolds_number",
+    "sedimentation",
     "sedimentation_ratio",
     "settle",
     "settling_velocity",
     "simulate",
     "softened",
+    "standard_error",
     "terminal_velocity",
     "time_step",
 ]

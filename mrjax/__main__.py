@@ -5,10 +5,13 @@ from pathlib import Path
 
 import click
 
-from mrjax import commands, files
+from mrjax import commands, files, timestep
+from mrjax.sedimentation import OVERLAP, standard_error
 
 STEADY_AFTER = 10.0
 """Relaxation times after which a velocity is steady to 5e-5."""
+RELAXATIONS = 20.0
+"""Length of the run that gives the initial settling velocity to eight digits."""
 
 
 @click.group(no_args_is_help=False)
@@ -20,12 +23,14 @@ def cli() -> None:
 @cli.command(
     help="""Follows the particles of a RECIPE, bundled (case1, case2, case3) or a TOML file.
 
-    Writes summary.json, curve.csv and settling.png. Without --duration the run covers 20
-    relaxation times, in which the initial settling velocity is reached to eight digits.
+    From dispersed to rest: the whole sedimentation curve at the recipe's viscosity, with contacts
+    softened to a greatest overlap (--overlap). With --duration, that long and with the real
+    moduli. Writes summary.json, curve.csv and settling.png.
 
     \b
     Examples:
       mrjax simulate case2 --out results
+      mrjax simulate mine.toml --ensemble 8 --overlap 0.02
       mrjax simulate mine.toml --duration 1e-6 --frames 200 --seed 3
     """
 )
@@ -36,24 +41,42 @@ def cli() -> None:
     "--time-step",
     type=float,
     metavar="SECONDS",
-    help="Longest step; left out, MIN(t_c, t_r)/20 (Eq. 29), or t_r/20 while nothing can touch.",
+    help="Longest step; left out, what the bed is stable at, or with --duration MIN(t_c, t_r)/20 "
+    "(Eq. 29).",
 )
 @click.option(
     "--frames",
     type=click.IntRange(1, 1_000_000),
-    default=100,
+    default=200,
     show_default=True,
-    help="Times at which the curve is recorded.",
+    help="Times at which the curve is recorded; to rest, in the expected duration.",
+)
+@click.option(
+    "--overlap",
+    type=float,
+    default=OVERLAP,
+    show_default=True,
+    metavar="RADII",
+    help="Greatest overlap of contacts to which they are softened on the way to rest.",
+)
+@click.option(
+    "--ensemble",
+    type=click.IntRange(1, 10_000),
+    default=1,
+    show_default=True,
+    help="Number of random starts, with seeds from --seed on, to rest.",
 )
 @commands.seed_option
 @commands.dtype_option
-@click.option("--quiet", is_flag=True, help="No summary on the terminal.")
+@click.option("--quiet", is_flag=True, help="No progress, no summary on the terminal.")
 def simulate(
     recipe: str,
     out: str,
     duration: float | None,
     time_step: float | None,
     frames: int,
+    overlap: float,
+    ensemble: int,
     seed: int,
     dtype: str,
     quiet: bool,
@@ -62,7 +85,7 @@ def simulate(
     import jax
 
     import mrjax
-    from mrjax import checks, figures, timestep
+    from mrjax import checks, figures
 
     began = time.perf_counter()
     commands.set_precision(dtype)
@@ -70,71 +93,143 @@ def simulate(
     for name, value in (("--duration", duration), ("--time-step", time_step)):
         if value is not None:
             checks.positive(value, name, "s")
+    if duration is not None and ensemble > 1:
+        raise click.UsageError("--ensemble goes to rest: leave out --duration")
     folder = files.result_folder(Path(out))
     parameters = sheet.parameters()
     relaxation = float(timestep.relaxation_time(parameters).max())
-    if duration is None:
-        duration = 20.0 * relaxation
     notes = list(sheet.notes)
-    if duration < STEADY_AFTER * relaxation:
+    if duration is not None and duration < STEADY_AFTER * relaxation:
         notes.append(
             f"the run covers {duration / relaxation:.2g} relaxation times, too few for a settling "
             f"velocity: give --duration {STEADY_AFTER * relaxation:.2g} or more"
         )
-    run = mrjax.simulate(
+    rise = mrjax.simulate(
         mrjax.disperse(sheet, seed),
         parameters,
         sheet.box,
-        duration=duration,
+        duration=RELAXATIONS * relaxation if duration is None else duration,
         frames=frames,
-        time_step=time_step,
+        time_step=time_step if duration is not None else None,
+        hindrance=sheet.hindrance,
     )
-    velocity = float(mrjax.settling_velocity(run))
-    ratio = mrjax.sedimentation_ratio(run)
+    velocity = float(mrjax.settling_velocity(rise))
     summary = {
         "recipe": sheet.name,
         "settling_velocity_mm_per_day": figures.MM_PER_DAY * velocity,
         "closed_form_mm_per_day": figures.MM_PER_DAY * mrjax.terminal_velocity(parameters).mean(),
         "reynolds_number": mrjax.reynolds_number(velocity, parameters).max(),
-        "particles": run.state.particles,
+        "particles": rise.state.particles,
         "volume_fraction": sheet.volume_fraction,
         "coated_volume_fraction": sheet.coated_volume_fraction,
         "f_w": sheet.f_w,
+        "f_w_is_local": sheet.drag.local,
         "f_s": sheet.f_s,
         "f_v": sheet.drag.f_v,
         "f_r": sheet.radius_factor,
-        "duration_s": duration,
+    }
+    if duration is None:
+        whole = mrjax.sedimentation(
+            sheet,
+            range(seed, seed + ensemble),
+            overlap=overlap,
+            frames=frames,
+            time_step=time_step,
+            progress=not quiet,
+        )
+        run, columns = whole.run, _curve(whole)
+        summary |= _at_rest(whole)
+        figure = figures.sedimentation(whole)
+    else:
+        run, columns = rise, _columns(rise)
+        figure = figures.settling(rise, parameters)
+    summary |= {
+        "duration_s": float(run.times.max()),
         "time_step_s": run.time_step,
         "steps": run.steps,
-        "deepest_overlap_radii": run.deepest_overlap,
-        "deepest_overlap_coatings": run.coating_overlap,
+        "deepest_overlap_radii": run.deepest_overlap.max(),
+        "deepest_overlap_coatings": run.coating_overlap.max(),
         "seed": seed,
         "dtype": dtype,
         "notes": notes,
-        "steady": duration >= STEADY_AFTER * relaxation,
+        "steady": duration is None or duration >= STEADY_AFTER * relaxation,
         "versions": commands.versions(),
         "wall_seconds": time.perf_counter() - began,
     }
     files.write_json(folder / "summary.json", summary)
-    files.write_csv(
-        folder / "curve.csv",
-        {
-            "time_s": run.times,
-            "mudline_m": run.mudline,
-            "sedimentation_ratio": ratio,
-            "mean_velocity_m_per_s": run.mean_velocity,
-        },
+    files.write_csv(folder / "curve.csv", columns)
+    figure.savefig(folder / "settling.png", dpi=150)
+    if quiet:
+        return
+    for note in notes:
+        click.echo(f"Note: {note}.")
+    click.echo(
+        f"{summary['particles']} particles settle at {figures.MM_PER_DAY * velocity:.5g} mm/day "
+        f"(Eq. 27 with the same factors: {float(summary['closed_form_mm_per_day']):.5g})."
     )
-    figures.settling(run, parameters).savefig(folder / "settling.png", dpi=150)
-    if not quiet:
-        for note in notes:
-            click.echo(f"Note: {note}.")
+    if duration is None:
+        error = summary["final_ratio_standard_error"]
+        spread = "" if ensemble == 1 else f" +- {100 * error:.2g}, mean of {ensemble}"
         click.echo(
-            f"{run.state.particles} particles settle at {figures.MM_PER_DAY * velocity:.5g} mm/day "
-            f"(Eq. 27 with the same factors: {float(summary['closed_form_mm_per_day']):.5g}); "
-            f"{run.steps} steps of {run.time_step:.3g} s on {jax.default_backend()}."
+            f"They rest after {summary['duration_s']:.3g} s at {100 * summary['final_ratio']:.2f} "
+            f"%{spread} of the height; contacts softened to {summary['deepest_overlap_radii']:.2g} "
+            f"radii, moduli by a factor of {summary['softening']:.2g}."
         )
-        click.echo(f"Results: {folder}")
+    click.echo(f"{run.steps} steps of {run.time_step:.3g} s on {jax.default_backend()}.")
+    click.echo(f"Results: {folder}")
+
+
+def _columns(run) -> dict:
+    """The curve of one run."""
+    import mrjax
+
+    return {
+        "time_s": run.times,
+        "mudline_m": run.mudline,
+        "sedimentation_ratio": mrjax.sedimentation_ratio(run),
+        "mean_velocity_m_per_s": run.mean_velocity,
+    }
+
+
+def _curve(whole) -> dict:
+    """The curve of an ensemble: means, and the standard error of the ratio where there is one."""
+    columns = {
+        "time_s": whole.run.times[0],
+        "mudline_m": whole.run.mudline.mean(axis=0),
+        "sedimentation_ratio": whole.ratio().mean(axis=0),
+        "mean_velocity_m_per_s": whole.run.mean_velocity.mean(axis=0),
+    }
+    if len(whole.seeds) > 1:
+        columns["standard_error_of_ratio"] = standard_error(whole.ratio())
+    return columns
+
+
+def _at_rest(whole) -> dict:
+    """What a run to rest adds to the summary."""
+    import jax
+
+    import mrjax
+    from mrjax import figures
+
+    final = {name: whole.ratio(name)[:, -1] for name in mrjax.HEIGHTS}
+    lines = jax.vmap(mrjax.asymptotes)(whole.run)
+    contacts = jax.vmap(
+        lambda state: mrjax.coordination_number(state, whole.parameters, whole.run.box)
+    )(whole.run.state)
+    return {
+        "final_ratio": final["top"].mean(),
+        "final_ratio_standard_error": standard_error(final["top"]),
+        "final_ratios": final["top"],
+        "final_ratio_by_height": {name: values.mean() for name, values in final.items()},
+        "initial_slope_mm_per_day": figures.MM_PER_DAY * lines.initial_slope.mean(),
+        "asymptotes_cross_at_s": lines.crossing_time.mean(),
+        "speed_at_rest_over_initial": (
+            whole.run.mean_speed[:, -1] / whole.run.mean_speed.max(axis=1)
+        ).max(),
+        "coordination_number": contacts.mean(),
+        "softening": whole.softening,
+        "ensemble": len(whole.seeds),
+    }
 
 
 @cli.command(

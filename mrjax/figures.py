@@ -1,12 +1,15 @@
 """Plots of a run; legible in grey, sized for a paper's column."""
 
+import jax
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 
-from mrjax import theory
+from mrjax import observe, theory
+from mrjax.concentration import concentration
 from mrjax.parameters import Parameters
 from mrjax.run import Run
+from mrjax.sedimentation import Sedimentation
 
 MM_PER_DAY = 86400e3
 """1 m/s in mm/day."""
@@ -46,4 +49,45 @@ def settling(run: Run, parameters: Parameters) -> Figure:
         axes.xaxis.set_major_formatter(EngFormatter("s"))
         axes.set_ylim(bottom=0)
         axes.set_xlim(left=0)
+    return figure
+
+
+def sedimentation(whole: Sedimentation) -> Figure:
+    """The whole curve with its two asymptotes (Son 2018, Fig. 4), and profiles of concentration.
+
+    Args:
+      whole: one run to rest, or an ensemble: each run thin, their mean thick.
+    """
+    times = np.asarray(whole.run.times[0], float)
+    ratio = np.asarray(whole.ratio(), float)
+    first = jax.tree.map(lambda leaf: leaf[0], whole.run)
+    figure = Figure(figsize=(7.0, 3.0), layout="constrained")
+    curve, profile = figure.subplots(1, 2)
+    if len(ratio) > 1:
+        curve.plot(times, ratio.T, color="0.8", linewidth=0.6)
+    curve.plot(times, ratio.mean(axis=0), "k-", label="top of the highest particle")
+    lines = jax.vmap(observe.asymptotes)(whole.run)
+    final, crossing = float(lines.final_ratio.mean()), float(lines.crossing_time.mean())
+    corners = ([0.0, crossing, times[-1]], [ratio[:, 0].mean(), final, final])
+    curve.plot(*corners, "--", color="0.4", label="asymptotes")
+    curve.set_ylabel("sedimentation ratio")
+    curve.legend(frameon=False)
+    curve.set_xlim(left=0)
+    curve.xaxis.set_major_formatter(EngFormatter("s"))
+    curve.set_xlabel("time")
+    diameter, top = 2.0 * float(first.radius.max()), whole.run.box.height
+    levels = np.linspace(0.0, top, 200)
+    shown = np.searchsorted(times, np.array([0.0, 0.5, 1.0, times[-1] / crossing]) * crossing)
+    fraction = concentration(first, levels, 2.0 * diameter)
+    for frame, shade in zip(
+        np.minimum(shown, len(times) - 1), ("0.75", "0.55", "0.3", "0.0"), strict=True
+    ):
+        profile.plot(
+            fraction[frame], levels / top, color=shade, label=EngFormatter("s")(times[frame])
+        )
+    profile.set_xlabel("volume fraction")
+    profile.set_ylabel("height / initial height")
+    profile.legend(frameon=False)
+    profile.set_xlim(left=0)
+    profile.set_ylim(0, 1)
     return figure

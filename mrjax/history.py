@@ -140,6 +140,19 @@ def blank(particles: int, slots: int, dtype, *, sliding: bool, rolling: bool) ->
     return Contacts(nobody, nothing if sliding else None, nothing if rolling else None)
 
 
+def widened(contacts: Contacts | None, slots: int) -> Contacts | None:
+    """The same with room for `slots` contacts of each particle."""
+    if contacts is None:
+        return None
+    spare = ((0, 0), (0, slots - contacts.partner.shape[1]))
+
+    def wide(rows: Array | None) -> Array | None:
+        return None if rows is None else jnp.pad(rows, (*spare, (0, 0)))
+
+    partner = jnp.pad(contacts.partner, spare, constant_values=NOBODY)
+    return Contacts(partner, wide(contacts.sliding), wide(contacts.rolling))
+
+
 def recorded(notes: Notes, sound: Array, unit_length: float) -> Contacts | None:
     """The memory as part of a state, times a factor; None where there is none.
 

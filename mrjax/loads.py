@@ -1,4 +1,4 @@
-"""What contacts exert at one moment, for force chains, plots and comparisons."""
+"""Contacts at one moment: how many, and what they exert."""
 
 import jax
 import jax.numpy as jnp
@@ -8,6 +8,8 @@ from jax import Array
 from mrjax import checks, forces, history, neighbours, pairs, particle, schedule
 from mrjax.box import Box
 from mrjax.concrete import concrete, known
+from mrjax.forces import Loads
+from mrjax.pairs import Pairs
 from mrjax.parameters import Parameters
 from mrjax.state import State
 from mrjax.units import Units
@@ -29,6 +31,35 @@ def contact_forces(state: State, parameters: Parameters, box: Box) -> tuple[Arra
     Raises:
       InputError: parameters that do not fit the state.
     """
+    listed, found, units = _moment(state, parameters, box)
+    force = units.of((1, 1, -2)) * found.force.T
+    torque = units.of((1, 2, -2)) * found.torque.T
+    sound = jnp.where(listed.overflow == 0, 1.0, jnp.nan).astype(force.dtype)
+    return sound * force, sound * torque
+
+
+def coordination_number(state: State, parameters: Parameters, box: Box) -> Array:
+    """Number of particles that each particle touches, walls not counted; (N,).
+
+    Of whole numbers, so without a derivative.
+
+    Args:
+      state: a moment of a run.
+      parameters, box: those of the run.
+
+    Raises:
+      InputError: parameters that do not fit the state.
+    """
+    listed, found, _ = _moment(state, parameters, box)
+    touching = found.overlap > 0.0
+    if listed.wall is not None:
+        touching &= ~listed.wall
+    count = touching.astype(jnp.int32)
+    return listed.summed(count, count)
+
+
+def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, Loads, Units]:
+    """The contacts of a moment and what they exert, in reduced units."""
     checks.meaningful(parameters, state.particles, state.material)
     with jax.ensure_compile_time_eval():
         radius = np.asarray(particle.outer_radius(known(parameters)))
@@ -65,7 +96,4 @@ def contact_forces(state: State, parameters: Parameters, box: Box) -> tuple[Arra
         state.spin.T * units.time,
         history.begun(notes, listed),
     )
-    force = units.of((1, 1, -2)) * found.force.T
-    torque = units.of((1, 2, -2)) * found.torque.T
-    sound = jnp.where(listed.overflow == 0, 1.0, jnp.nan).astype(force.dtype)
-    return sound * force, sound * torque
+    return listed, found, units

@@ -18,6 +18,7 @@ from pydantic import BeforeValidator, Field, SkipValidation, field_validator, mo
 from mrjax import drag, sheets, sizes
 from mrjax.box import AXES, Box
 from mrjax.errors import InputError
+from mrjax.hindrance import Hindrance
 from mrjax.parameters import Parameters
 from mrjax.sheets import Sheet
 from mrjax.sizes import Sizes
@@ -121,6 +122,10 @@ class Drag(Sheet):
     f_w: float | str | dict[str, float | str] = Field(
         default="son2018",
         description="a closure's name, a table {closure = name, ...}, or a number above zero",
+    )
+    local: bool = Field(
+        default=False,
+        description="true or false: whether f_w follows the local volume fraction",
     )
     f_s: float | list[float] = Field(
         default=1.0, description="a number above zero, or [d_max, d_med, d_min] in m"
@@ -299,11 +304,22 @@ class Recipe(Sheet):
         """The wall and crowding factor that the sheet asks for (Eqs. 14 and 15)."""
         if isinstance(self.drag.f_w, float):
             return self.drag.f_w
+        with jax.ensure_compile_time_eval():  # a sheet holds numbers, also where jit is tracing
+            return float(self._closure(self.coated_volume_fraction))
+
+    @property
+    def hindrance(self) -> Hindrance | None:
+        """f_w for the volume fraction of each particle's height, for `mrjax.simulate`.
+
+        None unless the sheet asks for it with `local = true`.
+        """
+        return self._closure if self.drag.local else None
+
+    @property
+    def _closure(self) -> Hindrance:
         sheet = {"closure": self.drag.f_w} if isinstance(self.drag.f_w, str) else self.drag.f_w
         coefficients = {key: value for key, value in sheet.items() if key != "closure"}
-        closure = drag.CLOSURES[sheet["closure"]]
-        with jax.ensure_compile_time_eval():  # a sheet holds numbers, also where jit is tracing
-            return float(closure(self.coated_volume_fraction, **coefficients))
+        return jax.tree_util.Partial(drag.CLOSURES[sheet["closure"]], **coefficients)
 
     @property
     def f_s(self) -> float:
@@ -452,6 +468,12 @@ class Recipe(Sheet):
     def _check_closure(self):
         sheet = self.drag.f_w
         name = sheet.get("closure") if isinstance(sheet, dict) else sheet
+        if self.drag.local and (not isinstance(name, str) or name == "haberman-sayre"):
+            raise ValueError(
+                f"drag.local = true: needs a closure that holds in the bed, not f_w = {name!r}; "
+                "give one of "
+                + ", ".join(closure for closure in drag.CLOSURES if closure != "haberman-sayre")
+            )
         if name != "haberman-sayre":
             return
         limit = float(drag.volume_fraction_at(drag.HABERMAN_SAYRE_LIMIT))

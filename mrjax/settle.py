@@ -44,7 +44,7 @@ def settle(
     parameters: Parameters,
     box: Box,
     *,
-    interval: float | None = None,
+    frames: int = 200,
     rest: float = 1e-3,
     longest: float | None = None,
     time_step: float | None = None,
@@ -64,7 +64,7 @@ def settle(
         are followed together until all of them rest.
       parameters: of particles, fluid and contact.
       box: the container.
-      interval: between two recorded frames, s; left out, a 200th of the expected duration.
+      frames: recorded in the expected duration; a run has more where it takes longer.
       rest: mean speed of the particles at which they rest, over the speed at which they fall.
       longest: duration after which to give up, s; left out, 8 times the expected one.
       time_step: longest step, s; left out, what a random bed under its weight is stable at.
@@ -84,7 +84,7 @@ def settle(
     if not each or len({state.particles for state in each}) > 1:
         raise InputError("states differ in their number of particles, or there are none")
     expected, falling = _expected(each, parameters, box)
-    interval = expected / 200 if interval is None else checks.positive(interval, "interval", "s")
+    interval = expected / checks.whole(frames, "frames")
     longest = PATIENCE * expected if longest is None else checks.positive(longest, "longest", "s")
     if time_step is None:
         time_step = min(interval, _bearable_step(each[0], parameters, box, falling))
@@ -101,9 +101,7 @@ def settle(
             rebuild_every=rebuild_every,
             touch=True,
         )
-        follow = partial(
-            _until_rest, parameters, hindrance, box, setup, slow, expected, longest, progress
-        )
+        follow = partial(_until_rest, parameters, hindrance, box, setup, slow, longest, progress)
         # One program for all; each thread is busy outside Python.
         with ThreadPoolExecutor(os.cpu_count()) as pool:
             runs = list(pool.map(follow, range(len(each)), each))
@@ -121,7 +119,6 @@ def _until_rest(
     box: Box,
     setup: Setup,
     slow: float,
-    expected: float,
     longest: float,
     progress: bool,
     place: int,
@@ -129,7 +126,7 @@ def _until_rest(
 ) -> Run:
     """Part after part until the particles are slow, m/s; where one has a fault, that part alone."""
     now, parts, fastest = _ready(state, box, setup), [], 0.0
-    with _bar(expected, progress, place) as bar:
+    with _bar(progress, place) as bar:
         while True:
             part = _part(now, parameters, hindrance, box, setup)
             if part.fault:
@@ -141,9 +138,10 @@ def _until_rest(
             parts.append(part)
             now, speed = part.state, np.asarray(part.mean_speed)
             fastest, time = max(fastest, speed.max()), setup.duration * len(parts)
-            bar.total = max(bar.total, time)
-            bar.set_postfix_str(f"at {speed[-1] / fastest:.2%} of the greatest speed", False)
-            bar.update(setup.duration)
+            bar.set_postfix_str(
+                f"{time:.3g} s, {speed[-1] / fastest:.2%} of the greatest speed", False
+            )
+            bar.update(max(bar.n, _share(speed[-1], fastest, slow)) - bar.n)
             if (speed[-FRAMES_AT_REST:] < slow).all():
                 return _joined(parts, setup)
             if time >= longest:
@@ -199,22 +197,26 @@ def _joined(parts: list[Run], setup: Setup) -> Run:
 def _stacked(runs: list[Run]) -> Run:
     """Runs side by side; those that rest early keep their last frame."""
     longest = max(runs, key=lambda run: len(run.times))
+    held = [run.state.contacts for run in runs]
+    slots = max(0 if contacts is None else contacts.partner.shape[1] for contacts in held)
 
-    def padded(run: Run) -> Run:
+    def alike(run: Run) -> Run:
         missing = len(longest.times) - len(run.times)
 
-        def held(rows: Array) -> Array:
+        def lasting(name: str) -> Array:
+            rows = getattr(run, name)
             return jnp.pad(rows, [(0, missing)] + [(0, 0)] * (rows.ndim - 1), mode="edge")
 
         return replace(
             run,
             times=longest.times,
-            **{n: held(getattr(run, n)) for n in ("heights", "mean_velocity", "mean_speed")},
+            **{name: lasting(name) for name in ("heights", "mean_velocity", "mean_speed")},
+            state=replace(run.state, contacts=history.widened(run.state.contacts, slots)),
             time_step=longest.time_step,
             steps=longest.steps,
         )
 
-    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *map(padded, runs))
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *map(alike, runs))
 
 
 def _expected(states: list[State], parameters: Parameters, box: Box) -> tuple[float, float]:
@@ -248,12 +250,16 @@ def _bearable_step(state: State, parameters: Parameters, box: Box, falling: floa
     return stable if relaxation < stable else stable / INERTIAL
 
 
-def _bar(expected: float, progress: bool, place: int) -> tqdm:
+def _share(speed: float, fastest: float, slow: float) -> float:
+    """Share of the way to rest: speeds fall by about as much in every second, in logarithms."""
+    return float(np.clip(np.log(fastest / speed) / np.log(fastest / slow), 0.0, 1.0))
+
+
+def _bar(progress: bool, place: int) -> tqdm:
     return tqdm(
-        total=expected,
+        total=1.0,
         position=place,
         desc="settling",
         disable=not progress,
-        bar_format="{desc} {percentage:3.0f} % |{bar:20}| {n:.3g} of about {total:.3g} s, "
-        "{remaining} left{postfix}",
+        bar_format="{desc} {percentage:3.0f} % |{bar:20}| {remaining} left{postfix}",
     )

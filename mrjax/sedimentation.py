@@ -1,0 +1,95 @@
+"""From a lab sheet to the whole sedimentation curve, of one random start or an ensemble."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import DTypeLike
+
+from mrjax import observe
+from mrjax.disperse import disperse
+from mrjax.errors import InputError
+from mrjax.parameters import Parameters
+from mrjax.recipe import Recipe
+from mrjax.run import Run
+from mrjax.settle import settle
+from mrjax.soften import softened
+
+OVERLAP = 0.05
+"""Greatest overlap of a bed at rest, in contact radii: 2.5 % of a diameter. The bed is lower by
+about a tenth of that."""
+
+
+@dataclass(frozen=True)
+class Sedimentation:
+    """M runs to rest of one recipe."""
+
+    run: Run
+    """All of them, each of its arrays with a leading axis (M, ...)."""
+    parameters: Parameters
+    """Those of the runs, softened."""
+    softening: float
+    """Factor on the elastic moduli of particles and walls."""
+    seeds: tuple[int, ...]
+    """Of the random starts, (M,)."""
+
+    def ratio(self, height: str = "top") -> Array:
+        """Sedimentation ratio by one of `HEIGHTS`; 1, (M, frames + 1)."""
+        return jax.vmap(lambda run: observe.sedimentation_ratio(run, height))(self.run)
+
+
+def sedimentation(
+    recipe: Recipe,
+    seeds: int | Iterable[int] = 0,
+    *,
+    overlap: float = OVERLAP,
+    frames: int = 200,
+    time_step: float | None = None,
+    dtype: DTypeLike = float,
+    progress: bool = False,
+) -> Sedimentation:
+    """Disperses a recipe and lets it settle to rest at its own viscosity.
+
+    Contacts are softened to an overlap (`softened`); the drag is that of the sheet, local where it
+    says so.
+
+    Args:
+      recipe: the lab sheet.
+      seeds: of the random starts, one run for each.
+      overlap: greatest overlap of a contact at rest, in contact radii.
+      frames: recorded in the expected duration.
+      time_step: longest step, s; left out, what the bed is stable at.
+      dtype: of the runs; `float` is JAX's default.
+      progress: whether to show progress bars, on standard error.
+
+    Raises:
+      InputError: an argument that cannot be used.
+      SimulationError: a bed that does not come to rest, or a run not to be trusted.
+    """
+    seeds = (seeds,) if isinstance(seeds, int) else tuple(seeds)
+    if not seeds:
+        raise InputError("seeds is empty: give at least one")
+    states = [disperse(recipe, seed, dtype=dtype) for seed in seeds]
+    stiff = recipe.parameters(dtype)
+    parameters = softened(stiff, recipe.box, recipe.particle_count, overlap)
+    run = settle(
+        states,
+        parameters,
+        recipe.box,
+        frames=frames,
+        time_step=time_step,
+        hindrance=recipe.hindrance,
+        progress=progress,
+    )
+    factor = np.ravel(parameters.elastic_modulus / stiff.elastic_modulus)[0]
+    return Sedimentation(run, parameters, float(factor), seeds)
+
+
+def standard_error(values: Array) -> Array:
+    """Of the mean over the first axis, (M, ...) to (...); not a number for a single one."""
+    count = values.shape[0]
+    spread = jnp.sqrt(jnp.sum((values - jnp.mean(values, axis=0)) ** 2, axis=0))
+    return spread / jnp.sqrt(count * (count - 1.0)) if count > 1 else jnp.nan * spread
