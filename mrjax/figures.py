@@ -82,9 +82,8 @@ def sedimentation(whole: Sedimentation) -> Figure:
     for frame, shade in zip(
         np.minimum(shown, len(times) - 1), ("0.75", "0.55", "0.3", "0.0"), strict=True
     ):
-        profile.plot(
-            fraction[frame], levels / top, color=shade, label=EngFormatter("s")(times[frame])
-        )
+        label = f"{times[frame]:.3g} s"
+        profile.plot(fraction[frame], levels / top, color=shade, label=label)
     profile.set_xlabel("volume fraction")
     profile.set_ylabel("height / initial height")
     profile.legend(frameon=False)

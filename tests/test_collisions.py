@@ -68,7 +68,9 @@ def meeting(parameters, side, glance, drift, spin):
       spin: of both, in some 1000 rad/s.
     """
     side = np.array([1.0, *side]) / np.linalg.norm([1.0, *side])
-    apart = 1.01 * float(parameters.radius.sum()) * side
+    # The first overlap is a fifth of what they approach in a step. Were it a rounding, damping,
+    # which grows as its fourth root, would make it visible.
+    apart = (17.3e-6 + float(parameters.radius.sum())) * side
     across = glance * np.cross(side, [0.0, 0.6, 0.8])
     return mrjax.place(
         MIDDLE + np.stack([-0.5 * apart, 0.5 * apart]),
@@ -364,7 +366,8 @@ def test_a_sheared_bed_does_not_depend_on_the_neighbour_list():
         slide, stick = slide + np.sum(np.abs(shares - 1) < 0.1), stick + np.sum(shares < 0.8)
         # The memory has turned with the contact: rounding of positions over the stretch, 1e-6 mm.
         assert max((out_of_plane(short, *of) for of in pairs.items()), default=0.0) < 1e-8
-    assert short.contacts.partner.shape[1] < every.contacts.partner.shape[1] == COUNT
+    # All others and two walls, which both keep room for.
+    assert short.contacts.partner.shape[1] < every.contacts.partner.shape[1] == COUNT - 1 + 2
     assert made > 200 and lost > 100 and slide > 50 and stick > 50, (made, lost, slide, stick)
     loads = [mrjax.contact_forces(state, SAND, TRAY) for state in states.values()]
     for found, expected in zip(*loads, strict=True):

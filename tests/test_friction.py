@@ -183,6 +183,39 @@ def test_a_contact_that_bears_nothing_remembers_nothing():
     assert (force == 0).all() and (kept == 0).all()
 
 
+@pytest.mark.parametrize("dtype", [float, jnp.float32])
+@pytest.mark.parametrize("before", [False, True], ids=["now", "in the step before"])
+def test_a_spring_that_has_yielded_grips_alike_compiled_and_not(before, dtype):
+    """Without a dashpot it bears the limit to the rounding, and is measured against it once more.
+
+    However a compiler rounds that comparison, and wherever it copies it to, no component is cut.
+    """
+    random = np.random.default_rng(0)
+    count = 4000
+    overlap, push = random.uniform(0.01, 0.5, count), random.uniform(0.1, 10.0, count)
+    direction = random.normal(size=(3, count))
+    direction /= np.linalg.norm(direction, axis=0)
+    at_limit = PAIR["friction"] * push / np.asarray(friction.stiffness(3.0, 4.0, overlap))
+    stretch, slip = 1.3 * at_limit * direction, random.normal(size=(3, count))
+
+    def grips(stretch, slip, overlap, push):
+        """Components of force and memory, apart as in a run: each is compiled for itself."""
+        force, kept = friction.tangential_force(stretch, slip, overlap, push, **PAIR)
+        return *force, *kept
+
+    stretch, slip = (tuple(jnp.asarray(part, dtype) for part in of) for of in (stretch, slip))
+    overlap, push = (jnp.asarray(of, dtype) for of in (overlap, push))
+    if before:
+        stretch = grips(stretch, slip, overlap, push)[3:]
+    plain, compiled = (of(stretch, slip, overlap, push) for of in (grips, jax.jit(grips)))
+    rounding = 45 * float(jnp.finfo(dtype).eps)  # some ten of them; 1e-14 in double precision
+    for found, expected in zip(compiled, plain, strict=True):
+        np.testing.assert_allclose(found, expected, rtol=rounding, atol=0)
+    for found in (plain, compiled):
+        force = np.linalg.norm(np.asarray(found[:3], float), axis=0)
+        np.testing.assert_allclose(force, PAIR["friction"] * np.asarray(push, float), rtol=rounding)
+
+
 # --- work -----------------------------------------------------------------------------------------
 
 

@@ -10,7 +10,8 @@ import pytest
 
 import mrjax
 from mrjax import history
-from mrjax.history import Memory
+from mrjax.history import Memory, Notes
+from mrjax.pairs import Pairs
 
 near = partial(pytest.approx, rel=1e-13, abs=0.0)  # its own abs passes all within 1e-12
 
@@ -143,31 +144,161 @@ def test_derivatives_of_the_shortened_vector(dtype):
 
 # --- found again by the partner's id --------------------------------------------------------------
 
+COUNT = 6
+
+
+def listed(contacts, slots=6):
+    """A list of these pairs, ids of firsts and seconds (walls from COUNT on), at shuffled places.
+
+    Between and behind them are places that hold no pair, but look as if they did.
+    """
+    random = np.random.default_rng(len(contacts))
+    room = len(contacts) + 4
+    first, second = random.integers(0, COUNT, room), random.integers(0, COUNT + 6, room)
+    place = random.permutation(room)[: len(contacts)]
+    first[place], second[place] = np.transpose(contacts)
+    places = np.full((slots, COUNT), 2 * room)
+    for one in range(COUNT):
+        ends = [*place[first[place] == one], *(room + place[second[place] == one])]
+        places[: len(ends), one] = ends
+    return Pairs(
+        *(jnp.asarray(of, jnp.int32) for of in (first, second)),
+        jnp.isin(jnp.arange(room), place),
+        jnp.asarray(second >= COUNT),
+        (jnp.zeros(room),) * 3,
+        (jnp.ones(room),) * 3,
+        jnp.asarray(places, jnp.int32),
+        jnp.zeros((), jnp.int32),
+    )
+
+
+LOWER_X, UPPER_Y, LOWER_Z, UPPER_Z = COUNT, COUNT + 3, COUNT + 4, COUNT + 5
+CONTACTS = {
+    (0, 3): 3.1,
+    (0, 5): 5.1,
+    (1, 4): 4.2,
+    (1, 2): 2.2,
+    (2, 5): 5.3,
+    (0, LOWER_X): 0.7,
+    (1, UPPER_Y): 0.8,
+    (2, LOWER_Z): 0.9,
+    (2, UPPER_Z): 0.6,
+    (3, LOWER_Z): 0.5,
+}
+FACTORS = (1.0, 2.0, -1.0)  # of x, y and z
+
+
+def values(contacts, found, elsewhere=0.0):
+    """Of listed pairs, at their places."""
+    value = np.full(len(found.present), elsewhere)
+    for place in np.flatnonzero(found.present):
+        value[place] = contacts[int(found.first[place]), int(found.second[place])]
+    return value
+
+
+def remembered(contacts):
+    """The memory of listed pairs, with something else where no pair is present."""
+    found = listed([*contacts])
+    value = jnp.asarray(values(contacts, found, elsewhere=9.9))
+    sliding = tuple(factor * value for factor in FACTORS)
+    return Memory(sliding, tuple(10.0 * part for part in sliding)), found
+
+
+def test_both_surfaces_note_what_a_contact_remembers():
+    """The second has slid and rolled the opposite way; walls take no notes."""
+    memory, found = remembered(CONTACTS)
+    notes = history.noted(memory, found)
+    expected = [{} for _ in range(COUNT)]
+    for (one, other), value in CONTACTS.items():
+        expected[one][other if other < COUNT else history.WALLS[other - COUNT]] = value
+        if other < COUNT:
+            expected[other][one] = -value
+    partner = np.asarray(notes.partner)
+    for one, known in enumerate(expected):
+        held = partner[:, one] != history.NOBODY
+        assert sorted(partner[held, one]) == sorted(known)
+        value = np.array([known[other] for other in partner[held, one].tolist()])
+        for unit, vector in ((1.0, notes.sliding), (10.0, notes.rolling)):
+            for factor, part in zip(FACTORS, vector, strict=True):
+                np.testing.assert_array_equal(part[held, one], unit * (factor * value))
+                assert not part[~held, one].any()
+    assert history.noted(Memory(None, memory.rolling), found).sliding is None
+    assert history.noted(Memory(memory.sliding, None), found).rolling is None
+
+
+def test_the_walls_have_six_ids_of_their_own():
+    contacts = {(wall - COUNT, wall): 1.0 for wall in range(COUNT, COUNT + 6)}
+    memory, found = remembered(contacts)
+    notes = history.noted(memory, found)
+    # Lower and upper end of x, then of y, then of z.
+    np.testing.assert_array_equal(jnp.min(notes.partner, axis=0), [-2, -3, -4, -5, -6, -7])
+    assert history.WALLS == (-2, -3, -4, -5, -6, -7)
+
 
 def test_a_new_list_finds_every_memory_again():
-    """Columns are particles: slots permuted, a partner lost, one new, a wall, an empty slot."""
-    old = jnp.array([[3, 0, 5], [5, 4, -1], [-1, 2, 1], [-2, -2, -2]])
-    value = jnp.array([[3.1, 0.2, 5.3], [5.1, 4.2, 9.9], [9.9, 2.2, 1.3], [0.7, 0.8, 0.9]])
-    new = jnp.array([[5, 4, 1], [4, -1, 2], [3, 2, -1], [-1, 0, 5], [-2, -2, -2]])
-    expected = [
-        [5.1, 4.2, 1.3],
-        [0.0, 0.0, 0.0],
-        [3.1, 2.2, 0.0],
-        [0.0, 0.2, 5.3],
-        [0.7, 0.8, 0.9],
-    ]
-    memory = Memory(old, (value, 2.0 * value, -value), None).carried(new)
-    np.testing.assert_array_equal(memory.partner, new)
-    np.testing.assert_array_equal(memory.sliding, np.multiply.outer([1.0, 2.0, -1.0], expected))
+    """Columns are particles: slots permuted, a partner lost, one new, walls, an empty slot.
+
+    Empty slots hold a value that must not be found.
+    """
+    old = jnp.array(
+        [
+            [3, 2, 5, -5, 1, -1],
+            [5, 4, 1, 0, -1, 0],
+            [-1, -5, -6, -1, -1, 2],
+            [-2, -1, -7, -1, -1, -1],
+        ],
+        jnp.int32,
+    )
+    value = jnp.array(
+        [
+            [3.1, 2.2, 5.3, 0.5, -4.2, 9.9],
+            [5.1, 4.2, -2.2, -3.1, 9.9, -5.1],
+            [9.9, 0.8, 0.9, 9.9, 9.9, -5.3],
+            [0.7, 9.9, 0.6, 9.9, 9.9, 9.9],
+        ]
+    )
+    notes = Notes(old, tuple(factor * value for factor in FACTORS), None)
+    contacts = {
+        (5, 0): -5.1,  # 0 and 5, now seen from 5
+        (4, 1): -4.2,
+        (1, 2): 2.2,
+        (0, 4): 0.0,  # new; 0 and 3 have parted
+        (5, 2): -5.3,
+        (0, LOWER_X): 0.7,
+        (1, LOWER_Z): 0.0,  # new; 1 and the upper end of y have parted
+        (2, LOWER_Z): 0.9,
+        (3, UPPER_Y): 0.5,
+    }
+    new = listed([*contacts])
+    memory = history.begun(notes, new)
+    np.testing.assert_array_equal(
+        memory.sliding, np.multiply.outer(FACTORS, values(contacts, new)), strict=True
+    )
     assert memory.rolling is None
+
     # What was not listed is forgotten for good.
-    back = memory.carried(old).sliding[0]
-    np.testing.assert_array_equal(back, np.where(np.isin(value, expected), value, 0.0))
+    known = {(0, 5): 5.1, (1, 4): 4.2, (0, 3): 0.0, (1, UPPER_Y): 0.0, (2, UPPER_Z): 0.0}
+    later = listed([*known])
+    back = history.begun(history.noted(memory, new), later).sliding[0]
+    np.testing.assert_array_equal(back, values(known, later))
+
+
+def test_a_memory_survives_any_number_of_lists():
+    """Noted and begun again, in lists of other order and with other room."""
+    memory, found = remembered(CONTACTS)
+    for order, slots in (([*CONTACTS][::-1], 4), ([*CONTACTS], 9), (sorted(CONTACTS), 5)):
+        notes = history.noted(memory, found)
+        found = listed(order, slots)
+        memory = history.begun(notes, found)
+    expected = np.multiply.outer(FACTORS, values(CONTACTS, found))
+    np.testing.assert_array_equal(memory.sliding, expected)
+    np.testing.assert_array_equal(memory.rolling, 10.0 * expected)
 
 
 # --- from run to run ------------------------------------------------------------------------------
 
 STEP = 4e-6
+FLOOR = history.WALLS[4]  # the lower end of z
 BOX = mrjax.Box((8e-3, 8e-3, 12e-3), (True, True, False))
 GRAINS = mrjax.Parameters(
     radius=jnp.array([1.0, 0.8, 0.9, 1.0, 0.7, 1.0, 0.9]) * 1e-3,
@@ -229,11 +360,15 @@ SAME = 1e-12
 def test_a_run_in_parts_is_the_run(whole_and_cut):
     whole, first, second, last = whole_and_cut
     for state in (first, second, last):
-        assert state.contacts.partner.shape == (7, 6)  # five particles, one wall
+        partner = state.contacts.partner
+        assert partner.shape == (7, 7)  # five particles, two walls
         held = jnp.any(state.contacts.sliding != 0.0, axis=2)
-        assert (state.contacts.partner[held] != -1).all()
-        assert int(held[:, 5].sum()) >= 2 and int(held[:, :5].sum()) >= 2  # floor and particles
+        assert (partner[held] != history.NOBODY).all()
+        for met in (partner == FLOOR, partner >= 0):
+            assert int((held & met).sum()) >= 2
+        assert ((partner >= 0) | (partner == FLOOR) | (partner == history.NOBODY)).all()
     assert max(differences(last, whole)) < SAME
+    np.testing.assert_array_equal(last.contacts.partner, whole.contacts.partner)
     for name, unit_of in (("sliding", 1e-3), ("rolling", 1.0)):
         found, expected = (getattr(state.contacts, name) for state in (last, whole))
         np.testing.assert_allclose(found, expected, atol=SAME * unit_of)
@@ -260,9 +395,9 @@ def test_both_sides_of_a_contact_remember_the_opposite_and_roll_alike(whole_and_
 def test_the_memory_moves_to_a_list_with_more_room(whole_and_cut):
     whole, first, *_ = whole_and_cut
     roomy = go(first, 400, capacity=6)
-    assert roomy.contacts.partner.shape == (7, 7)
+    assert roomy.contacts.partner.shape == (7, 8)
     last = go(roomy, 400)  # keeps the room that the memory needs
-    assert last.contacts.partner.shape == (7, 7)
+    assert last.contacts.partner.shape == (7, 8)
     assert max(differences(last, whole)) < SAME
 
 
@@ -288,7 +423,7 @@ def test_a_spinning_ball_takes_its_spring_halfway_along():
     stretch = jnp.array([[[1e-6, 0.0, 0.0]]])
     start = replace(
         mrjax.place([[4e-3, 4e-3, 0.99e-3]], spins=[[0.0, 0.0, rate]]),
-        contacts=mrjax.Contacts(jnp.array([[history.WALLS[2]]], jnp.int32), stretch, None),
+        contacts=mrjax.Contacts(jnp.array([[FLOOR]], jnp.int32), stretch, None),
     )
     run = mrjax.simulate(start, ball, BOX, duration=20 * step, time_step=step)
     angle = 0.5 * rate * 20 * step

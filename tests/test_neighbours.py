@@ -24,7 +24,7 @@ MIXES = list(itertools.product((False, True), repeat=3))
 # Wide enough for its own cells along z, three cells made of y, and x narrower than three cells.
 SIZE = (5.3, 6.6, 15.0)
 CUTOFF = 2.2
-ROOMY = Plan(cutoff=CUTOFF, cell=CUTOFF, capacity=60, cell_capacity=24)
+ROOMY = Plan(cutoff=CUTOFF, cell=CUTOFF, capacity=60, cell_capacity=24, pairs=480)
 
 
 def nearest(box: Box, position: np.ndarray) -> np.ndarray:
@@ -149,6 +149,7 @@ def test_a_dense_random_packing_fits_in_the_list_as_planned(dense_bed):
     listed = check(plan, box, position)
     # Dense indeed: most particles have more than half a shell of twelve around them.
     assert float(listed.present.sum(0).mean()) > 6
+    assert plan.pairs >= int(listed.present.sum()) / 2
 
 
 def test_the_smallest_gap_is_that_of_all_pairs(dense_bed):
@@ -207,6 +208,7 @@ def test_too_little_room_is_flagged_and_mended(short, flag):
         grown = plan.grown(overflow, 120)
         # Room is made where it was lacking, and nowhere else.
         assert (grown.capacity > plan.capacity) == bool(overflow & PAIRS_DROPPED)
+        assert (grown.pairs > plan.pairs) == bool(overflow & PAIRS_DROPPED)
         assert (grown.cell_capacity > plan.cell_capacity) == bool(overflow & CELLS_OVERFULL)
         plan = grown
         listed = build(plan, box, jnp.asarray(position))
@@ -214,11 +216,23 @@ def test_too_little_room_is_flagged_and_mended(short, flag):
     assert int(listed.overflow) == 0
 
 
+@pytest.mark.parametrize("periodic", MIXES, ids=str)
+@pytest.mark.parametrize("particles", [1, 2, 5, 9, 40, 1000])
+def test_planned_room_for_contacts(particles, periodic):
+    """What a settled bed needs, and never more than there can be, where that is more than a few."""
+    found = neighbours.plan(Box(SIZE, periodic), particles, 2.0, 2.0, 0.2).pairs
+    walls = 2 * periodic.count(False)
+    every = particles * (particles - 1) // 2 + particles * walls
+    assert min(every, neighbours.MEAN_CONTACTS * particles) <= found <= max(8, every)
+    assert found <= max(100, 6 * particles)  # twelve partners each, as in the densest lattice
+
+
 def test_growth_ends_where_no_list_can_overflow():
     plan = ROOMY
     for _ in range(10):
         plan = plan.grown(PAIRS_DROPPED | CELLS_OVERFULL, 100)
     assert (plan.capacity, plan.cell_capacity) == (99, 100)
+    assert plan.pairs == 100 * 99 // 2 + 6 * 100  # all with all and with six walls
     assert ROOMY.grown(0, 100) == ROOMY
 
 
@@ -318,5 +332,5 @@ def test_any_positions_at_all(fraction, periodic):
     """Also coincident, on faces and cell boundaries, and boxes away along periodic axes."""
     box = Box((5.3, 6.6, 9.9), periodic)
     fraction = np.where(box.periodic, fraction, np.clip(fraction, 0.0, 1.0))
-    plan = Plan(cutoff=CUTOFF, cell=CUTOFF, capacity=PARTICLES - 1, cell_capacity=PARTICLES)
+    plan = replace(ROOMY, capacity=PARTICLES - 1, cell_capacity=PARTICLES)
     check(plan, box, fraction * np.array(box.size))

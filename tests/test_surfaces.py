@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import mrjax
-from mrjax import checks, contact, friction, pairs, particle
+from mrjax import checks, contact, friction, particle, surfaces
+from mrjax.pairs import Pairs
 
 near = partial(pytest.approx, rel=1e-13, abs=0.0)  # its own abs passes all within 1e-12
 
@@ -38,27 +39,47 @@ TABLED = (
     "rolling_friction",
     "rolling_damping",
 )
-NOBODY_LISTED = jnp.zeros((0, 1), jnp.int32)
 
 
-def numbers(surfaces):
-    assert all(jnp.shape(leaf) == () for leaf in surfaces)
-    return [float(leaf) for leaf in surfaces]
+def listed(first, second, particles=None):
+    """These pairs; walls have the ids from `particles` on, and without it there are none."""
+    first, second = (jnp.asarray(of, jnp.int32) for of in (first, second))
+    nothing = (jnp.zeros(len(first)),) * 3
+    return Pairs(
+        first,
+        second,
+        present=jnp.ones(len(first), bool),
+        wall=None if particles is None else second >= particles,
+        separation=nothing,
+        across=None if particles is None else nothing,
+        places=jnp.zeros((0, particles or int(second.max()) + 1), jnp.int32),
+        overflow=jnp.zeros((), jnp.int32),
+    )
+
+
+def numbers(constants, place=None):
+    """Those of one place; without it, one of each for all."""
+    assert all(jnp.shape(leaf) == () or place is not None for leaf in constants)
+    return [float(leaf if jnp.ndim(leaf) == 0 else leaf[place]) for leaf in constants]
 
 
 TABLE_VALUES = [0.3, float(contact.damping_ratio(0.5)), 0.1, 0.2, 0.4, 0.6]
+# E* = E / (2 (1 - nu^2)), G* = E / (4 (2 - nu) (1 + nu)), and half of 1 m, 3 kg, 4 kg m^2.
+OF_LIKE = [2.0, 3 / 9, 0.5, 1.5, 2.0, *TABLE_VALUES]
 
 
 def test_like_particles_share_one_number():
-    found = numbers(pairs.between_particles(BALL, None, NOBODY_LISTED))
-    # E* = E / (2 (1 - nu^2)), G* = E / (4 (2 - nu) (1 + nu)), and half of 1 m, 3 kg, 4 kg m^2.
-    assert found == near([2.0, 3 / 9, 0.5, 1.5, 2.0, *TABLE_VALUES])
+    assert numbers(surfaces.of(BALL, None, listed([0, 1], [1, 2]))) == near(OF_LIKE)
 
 
 def test_a_wall_is_of_its_own_material_and_infinite():
-    found = numbers(pairs.with_walls(BALL, None))
+    # Of two particles: with each other, and with the lower end of x and the upper of z.
+    found = surfaces.of(BALL, None, listed([0, 0, 1], [1, 2, 7], particles=2))
     # 1/E* = 0.75/3 + (1 - 1/16)/4, 1/G* = 1.5 + 1.09375; 1 m, 3 kg, 1 + 3 kg m^2.
-    assert found == near([1 / 0.484375, 1 / 2.59375, 1.0, 3.0, 4.0, *TABLE_VALUES])
+    at_wall = [1 / 0.484375, 1 / 2.59375, 1.0, 3.0, 4.0, *TABLE_VALUES]
+    assert numbers(found, 0) == near(OF_LIKE)
+    assert numbers(found, 1) == numbers(found, 2) == near(at_wall)
+    assert numbers(found[5:]) == near(TABLE_VALUES)  # one for all contacts
 
 
 UNLIKE = BALL.replace(
@@ -67,52 +88,54 @@ UNLIKE = BALL.replace(
     elastic_modulus=jnp.array([3.0, 4.0, 5.0]),
     poisson_ratio=jnp.array([0.5, 0.25, 0.1]),
 )
-PARTNER = jnp.array([[1, 0, 0], [2, 2, 1]])
+FIRST, SECOND = [0, 0, 1, 1, 2, 2], [1, 2, 0, 2, 0, 1]
 
 
-def test_unlike_particles_have_one_for_each_slot():
-    found = pairs.between_particles(UNLIKE, None, PARTNER)
+@pytest.mark.parametrize("walled", [False, True])
+def test_unlike_particles_have_one_for_each_contact(walled):
+    walls = [(one, 3 + end) for one in range(3) for end in range(6)] if walled else []
+    first, second = np.transpose([*zip(FIRST, SECOND, strict=True), *walls])
+    found = surfaces.of(UNLIKE, None, listed(first, second, 3 if walled else None))
     radius, mass, moment = (
         np.asarray(of(UNLIKE))
         for of in (particle.outer_radius, particle.inertia, particle.moment_of_inertia)
     )
     about = moment + mass * radius**2
-    for (slot, one), other in np.ndenumerate(PARTNER):
-        of = [one, other]
-        surfaces = [v for k in of for v in (UNLIKE.elastic_modulus[k], UNLIKE.poisson_ratio[k])]
+    for place, (one, other) in enumerate(zip(first, second, strict=True)):
+        materials = [
+            (UNLIKE.elastic_modulus[k], UNLIKE.poisson_ratio[k]) if k < 3 else (4.0, 0.25)
+            for k in (one, other)
+        ]
+        of = [one, other] if other < 3 else [one]  # a wall is infinite
         expected = [
-            contact.effective_modulus(*surfaces),
-            friction.effective_shear_modulus(*surfaces),
+            contact.effective_modulus(*materials[0], *materials[1]),
+            friction.effective_shear_modulus(*materials[0], *materials[1]),
             *(1 / sum(1 / value[of]) for value in (radius, mass, about)),
         ]
-        assert [float(leaf[slot, one]) for leaf in found[:5]] == near([*map(float, expected)])
+        assert all(leaf.shape == first.shape for leaf in found[:5])
+        assert numbers(found[:5], place) == near([*map(float, expected)])
     assert numbers(found[5:]) == near(TABLE_VALUES)
-    at_wall = pairs.with_walls(UNLIKE, None)
-    assert at_wall.modulus.shape == at_wall.rolling_inertia.shape == (1, 3)
-    np.testing.assert_array_equal(at_wall.radius[0], UNLIKE.radius)
-    np.testing.assert_allclose(at_wall.rolling_inertia[0], about, rtol=1e-13)
 
 
 def test_two_by_two_tables_are_of_particles_and_walls():
     tabled = BALL.replace(
         friction=jnp.array([[0.1, 0.2], [0.2, 9.0]]), restitution=jnp.array([[0.9, 0.7], [0.7, 1]])
     )
-    between, at_wall = (
-        pairs.between_particles(tabled, None, NOBODY_LISTED),
-        pairs.with_walls(tabled, None),
-    )
-    assert (float(between.friction), float(at_wall.friction)) == (0.1, 0.2)
-    for found, restitution in ((between, 0.9), (at_wall, 0.7)):
-        assert float(found.damping) == near(float(contact.damping_ratio(restitution)))
+    found = surfaces.of(tabled, None, listed([1, 0, 2], [2, 4, 8], particles=3))
+    np.testing.assert_array_equal(found.friction, [0.1, 0.2, 0.2])
+    for place, restitution in enumerate((0.9, 0.7, 0.7)):
+        assert float(found.damping[place]) == near(float(contact.damping_ratio(restitution)))
+    np.testing.assert_array_equal(surfaces.of(tabled, None, listed([1], [2])).friction, [0.1])
 
 
 def test_tables_are_read_by_both_materials():
     value = jnp.array([[0.1, 0.2, 0.3], [0.2, 0.4, 0.5], [0.3, 0.5, 9.0]])
     tabled, material = BALL.replace(rolling_damping=value), jnp.array([1, 0, 1])
-    between = pairs.between_particles(tabled, material, PARTNER)
-    np.testing.assert_array_equal(between.rolling_damping, [[0.2, 0.2, 0.4], [0.4, 0.2, 0.2]])
-    at_wall = pairs.with_walls(tabled, material)
-    np.testing.assert_array_equal(at_wall.rolling_damping, [[0.5, 0.3, 0.5]])
+    for particles in (None, 3):
+        between = surfaces.of(tabled, material, listed(FIRST, SECOND, particles))
+        np.testing.assert_array_equal(between.rolling_damping, [0.2, 0.4, 0.2, 0.2, 0.4, 0.2])
+    at_wall = surfaces.of(tabled, material, listed([0, 1, 2], [3, 6, 8], 3))
+    np.testing.assert_array_equal(at_wall.rolling_damping, [0.5, 0.3, 0.5])
 
 
 # --- three materials in one run -------------------------------------------------------------------
