@@ -18,6 +18,8 @@ Hindrance = Callable[[Array], Array]
 """f_w for volume fractions: a closure of `mrjax.drag`, its coefficients bound by
 `jax.tree_util.Partial` so that they can be traced."""
 
+BED = 0.55
+"""Volume fraction of a bed, where the contacts are that decide how long a step may be."""
 DENSEST = 0.7
 """Volume fraction beyond which none is believed: more than a random packing has."""
 

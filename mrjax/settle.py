@@ -16,7 +16,7 @@ from mrjax import checks, history, particle, soften, theory, timestep
 from mrjax.box import Box
 from mrjax.concrete import known
 from mrjax.errors import InputError, SimulationError
-from mrjax.hindrance import Hindrance
+from mrjax.hindrance import BED, Hindrance
 from mrjax.parameters import Parameters
 from mrjax.run import Fault, Run
 from mrjax.simulate import Setup, attempt, prepared
@@ -87,7 +87,8 @@ def settle(
     interval = expected / checks.whole(frames, "frames")
     longest = PATIENCE * expected if longest is None else checks.positive(longest, "longest", "s")
     if time_step is None:
-        time_step = min(interval, _bearable_step(each[0], parameters, box, falling))
+        bed = parameters if hindrance is None else parameters.replace(f_w=hindrance(BED))
+        time_step = min(interval, _bearable_step(each[0], bed, box, falling))
     slow = rest * falling
     while True:
         setup = prepared(
@@ -98,6 +99,7 @@ def settle(
             frames=FRAMES_AT_ONCE,
             time_step=time_step,
             skin=skin,
+            hindrance=hindrance,
             rebuild_every=rebuild_every,
             touch=True,
         )

@@ -30,7 +30,7 @@ from mrjax.box import Box
 from mrjax.concrete import concrete, known
 from mrjax.errors import InputError
 from mrjax.forces import Laws
-from mrjax.hindrance import Hindrance, hindered
+from mrjax.hindrance import BED, Hindrance, hindered
 from mrjax.history import Notes
 from mrjax.leapfrog import Kick
 from mrjax.neighbours import Plan
@@ -95,6 +95,7 @@ def simulate(
         frames=frames,
         time_step=time_step,
         skin=skin,
+        hindrance=hindrance,
         rebuild_every=rebuild_every,
         capacity=capacity,
         cell_capacity=cell_capacity,
@@ -139,6 +140,7 @@ def prepared(
     frames: int,
     time_step: float | None,
     skin: float,
+    hindrance: Hindrance | None = None,
     rebuild_every: int | None = None,
     capacity: int | None = None,
     cell_capacity: int | None = None,
@@ -167,8 +169,9 @@ def prepared(
             touch = state.contacts is not None or checks.may_touch(
                 position, radius, box, 2 * speed * duration, diameter
             )
+        in_bed = numbers if hindrance is None else numbers.replace(f_w=hindrance(BED))
         largest, hopeless = (
-            schedule.largest_stable_step(numbers, box, diameter, speed, arrangement)
+            schedule.largest_stable_step(in_bed, box, diameter, speed, arrangement)
             if touch
             else np.inf
             for arrangement in (timestep.CLOSE_PACKED, timestep.TOUCHING_PAIR)
@@ -190,7 +193,7 @@ def prepared(
     if time_step > hopeless:
         raise InputError(
             f"time_step = {time_step:.4g} s is unstable for contacts this stiff; the largest that "
-            f"surely does is {0.995 * largest:.3g} s"
+            f"would do is {0.995 * largest:.3g} s"
         )
     if rebuild_every is None:
         rebuild_every = schedule.steps_within_skin(speed, time_step, skin * diameter)

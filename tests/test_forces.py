@@ -1,5 +1,6 @@
 """Which laws act, contact forces of one moment, coatings and walls at the edge of the model."""
 
+from dataclasses import replace
 from functools import partial
 
 import jax
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 import mrjax
-from mrjax import forces, particle, theory, timestep
+from mrjax import forces, history, particle, theory, timestep
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 
@@ -27,15 +28,80 @@ STEP = 1e-7
 OBLIQUE = mrjax.place([[5e-3, 5e-3, 1.001e-3]], [[0.5, 0.0, -0.5]], contact_diameter=2e-3)
 
 
+SLIDING = forces.Laws(sliding=True, rolling=False, damped=False)
+
+
 def test_only_laws_that_act_or_may_be_differentiated_are_compiled():
-    assert forces.laws(GLASS) == forces.Laws(sliding=True, rolling=False)
-    assert forces.laws(GLASS.replace(friction=0.0)) == forces.Laws(sliding=False, rolling=False)
+    assert forces.laws(GLASS) == SLIDING
+    assert forces.laws(GLASS.replace(friction=0.0)) == replace(SLIDING, sliding=False)
     table = jnp.array([[0.0, 0.0], [0.0, 0.1]])
     assert forces.laws(GLASS.replace(friction=0.0, rolling_friction=table)).rolling
     seen = []
     jax.grad(lambda mu: seen.append(forces.laws(GLASS.replace(friction=mu))) or mu)(0.0)
     jax.jit(lambda mu: seen.append(forces.laws(GLASS.replace(friction=mu))) or mu)(0.0)
-    assert seen == [forces.Laws(sliding=True, rolling=False)] * 2
+    assert seen == [SLIDING] * 2
+
+
+@pytest.mark.parametrize(
+    "name, idle", [("restitution", 1.0), ("dissipation", 0.0), ("tangential_dissipation", 0.0)]
+)
+def test_dashpots_are_compiled_where_one_acts_or_may_be_differentiated(name, idle):
+    for value in (0.5, jnp.array([[idle, idle], [idle, 0.5]])):
+        assert forces.laws(GLASS.replace(**{name: value})) == replace(SLIDING, damped=True)
+    assert forces.laws(GLASS.replace(**{name: jnp.full((2, 2), idle)})) == SLIDING
+    seen = []
+    jax.grad(lambda leaf: seen.append(forces.laws(GLASS.replace(**{name: leaf}))) or leaf)(idle)
+    assert seen == [replace(SLIDING, damped=True)]
+
+
+def test_no_dashpot_by_value_is_none_by_law():
+    def after(restitution):
+        run = mrjax.simulate(
+            OBLIQUE, GLASS.replace(restitution=restitution), ROOM, duration=3e-4, time_step=STEP
+        )
+        return run.state.velocity, run.state.spin
+
+    without, compiled = after(1.0), jax.jit(after)(1.0)
+    for found, expected in zip(compiled, without, strict=True):
+        # Roundings of 3000 steps.
+        np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max())
+    assert without[0][0, 2] > 0.49 and np.abs(without[1]).max() > 100
+
+
+@pytest.mark.parametrize("end", [0, 1])
+@pytest.mark.parametrize("axis", range(3))
+def test_every_wall_is_like_the_floor(axis, end):
+    """Force, torque and memory of one that slides and rolls, seen in another view of the box."""
+    rough = GLASS.replace(rolling_friction=0.1, rolling_damping=0.3, restitution=0.7)
+
+    def near_wall(axis, end):
+        turn = np.roll(np.eye(3), axis - 2, axis=0)  # of the floor to the lower end of the axis
+        mirror = np.diag(np.where(np.arange(3) == axis, 1.0 - 2.0 * end, 1.0))
+        view = mirror @ turn
+        axial = np.linalg.det(view) * view  # spins and torques are axial vectors
+        state = mrjax.place(
+            [5e-3 + view @ [1e-3, -2e-3, -4.01e-3]],
+            [view @ [0.3, 0.1, -0.2]],
+            [axial @ [20.0, -40.0, 30.0]],
+        )
+        stretch, angle = view @ [1e-7, -2e-7, 0.0], axial @ [2e-4, 1e-4, 0.0]
+        wall = jnp.array([[history.WALLS[2 * axis + end]]], jnp.int32)
+        contacts = mrjax.Contacts(wall, jnp.array([[stretch]]), jnp.array([[angle]]))
+        return replace(state, contacts=contacts), view, axial
+
+    state, view, axial = near_wall(axis, end)
+    floor, *_ = near_wall(2, 0)
+    found, expected = (mrjax.contact_forces(of, rough, ROOM) for of in (state, floor))
+    assert expected[0][0, 2] > 0.05 and np.abs(expected[1][0, :2]).min() > 1e-6
+    for of_this, of_floor, seen in zip(found, expected, (view, axial), strict=True):
+        # An overlap of 1e-3 of the box has lost as much of its precision.
+        allowed = 1e-12 * np.abs(of_floor).max()
+        np.testing.assert_allclose(of_this[0], seen @ of_floor[0], rtol=0, atol=allowed)
+    # Without the memory, or with that of the wall across, it would be another force.
+    across = jnp.array([[history.WALLS[2 * axis + 1 - end]]], jnp.int32)
+    for contacts in (None, replace(state.contacts, partner=across)):
+        other, _ = mrjax.contact_forces(replace(state, contacts=contacts), rough, ROOM)
+        assert np.abs(other - found[0]).max() > 1e-2 * np.abs(found[0]).max()
 
 
 def test_no_friction_by_value_is_no_friction_by_law():
@@ -147,6 +213,27 @@ def test_walls_closer_than_a_particle_are_refused(size):
     state = mrjax.place([[5e-3, 5e-3, 0.95e-3]])
     with pytest.raises(mrjax.InputError, match=r"along z is not larger than a particle of 0\.002"):
         mrjax.simulate(state, GLASS, box, duration=1e-6, time_step=STEP)
+
+
+def thrown(box, every, velocity=-1.0):
+    """A lone particle, 0.3 mm from the floor where there is one; skin 0.2 mm."""
+    state = mrjax.place([[5e-3, 5e-3, 1.3e-3]], [[0.0, 0.0, velocity]], contact_diameter=2e-3)
+    return mrjax.simulate(state, GLASS, box, duration=1e-3, time_step=2 * STEP, rebuild_every=every)
+
+
+def test_a_lone_particle_does_not_outrun_the_walls_in_its_list():
+    """In a plain call the list is rebuilt until it serves; a traced one is poisoned."""
+    often, rarely = thrown(ROOM, 50), thrown(ROOM, 5000)
+    assert often.state.velocity[0, 2] > 0.99
+    # A few more steps may be taken where the interval is cut.
+    np.testing.assert_allclose(rarely.state.velocity, often.state.velocity, rtol=1e-6, atol=0)
+    traced = jax.jit(lambda velocity: thrown(ROOM, 5000, velocity))(-1.0)
+    assert int(traced.fault) & mrjax.Fault.OUTRAN_LIST
+    assert np.isnan(traced.state.velocity).all()
+    # Where there are none it meets nobody, however far it flies.
+    free = jax.jit(lambda velocity: thrown(mrjax.Box(ROOM.size, (True,) * 3), 5000, velocity))(-1.0)
+    assert int(free.fault) == 0
+    np.testing.assert_allclose(free.state.position[0, 2], 0.3e-3, rtol=1e-9)
 
 
 # --- before anything touches ----------------------------------------------------------------------

@@ -376,6 +376,26 @@ def test_gradients_are_central_differences():
         np.testing.assert_allclose(gradient[:, axis], central, rtol=1e-7, atol=1e-8)
 
 
+def test_without_a_dashpot_the_shorter_program_is_the_same():
+    """Force, memory and first derivatives, in contact and apart, sticking and sliding."""
+
+    def grips(point, damped):
+        law = {**PAIR, "friction": point[8], "damped": damped}
+        return jnp.stack(
+            sum(friction.tangential_force(point[:3], point[3:6], point[6], point[7], **law), ())
+        )
+
+    kinds = product((0.0, 1e-4, 0.1, 1.0), (0.0, 1.0), (-0.3, 0.0, 0.25), (0.0, 10.0), (0.0, 0.5))
+    at = jnp.array([[*(a * ALONG), *(b * BETWEEN), *others] for a, b, *others in kinds])
+    for of in (grips, jax.jacfwd(grips), jax.jacrev(grips)):
+        short, whole = (
+            np.asarray(jax.jit(jax.vmap(lambda point, of=of, damped=damped: of(point, damped)))(at))
+            for damped in (False, True)
+        )
+        # Roundings; the whole cuts what has just yielded to the limit once more.
+        np.testing.assert_allclose(short, whole, rtol=1e-13, atol=1e-13 * np.abs(whole).max())
+
+
 def test_the_derivative_with_respect_to_friction_where_there_is_none():
     """From mu = 0 upwards, -F_n along what the spring would bear: a fit may start there."""
     for of in (jax.jacfwd, jax.jacrev):

@@ -78,16 +78,21 @@ VELOCITY = jnp.array([[0.1, 0.0], [-1.0, 2.0], [0.0, 0.5]])
 
 
 def pull(position, velocity):
-    return jnp.sin(3.0 * position) - 0.2 * velocity, "noted"
+    return jnp.sin(3.0 * position) - 0.2 * velocity
+
+
+def pulled(kick):
+    """The force law of a step with this kick."""
+    return lambda position, velocity: (pull(position, velocity), kick, "noted")
 
 
 def test_without_drag_it_is_the_leapfrog():
     dt = 0.1
     kick = leapfrog.kick(parameters(0.0), dt)
     assert kick.keep == 1.0 and kick.gain == near(dt, rel=EXACT)
-    position, velocity, noted = leapfrog.step(POSITION, VELOCITY, pull, kick, dt)
+    position, velocity, noted = leapfrog.step(POSITION, VELOCITY, pulled(kick), dt)
     half_way = POSITION + 0.5 * dt * VELOCITY
-    expected = VELOCITY + dt * pull(half_way, VELOCITY)[0]
+    expected = VELOCITY + dt * pull(half_way, VELOCITY)
     np.testing.assert_allclose(velocity, expected, rtol=EXACT, atol=1e-15)
     np.testing.assert_allclose(position, half_way + 0.5 * dt * expected, rtol=EXACT, atol=1e-15)
     assert noted == "noted"
@@ -100,8 +105,8 @@ def test_with_much_drag_it_is_overdamped_euler():
     half_way = [POSITION + 0.5 * dt * VELOCITY]
     position, velocity = POSITION, VELOCITY
     for _ in range(3):
-        force = pull(half_way[-1], velocity)[0]
-        position, velocity, _ = leapfrog.step(position, velocity, pull, kick, dt)
+        force = pull(half_way[-1], velocity)
+        position, velocity, _ = leapfrog.step(position, velocity, pulled(kick), dt)
         np.testing.assert_allclose(velocity, force / damping, rtol=EXACT, atol=1e-21)
         # Euler's step, from one half-way point to the next.
         half_way.append(position + 0.5 * dt * velocity)
@@ -113,7 +118,7 @@ def test_a_free_fall_with_drag_is_exact_at_any_step():
     for dt in (1e-3, 1.0, 30.0):
         kick = leapfrog.kick(parameters(0.7 / (6 * np.pi)), dt)
         _, velocity, _ = leapfrog.step(
-            POSITION, VELOCITY, lambda *_: (jnp.full_like(POSITION, 2.0), None), kick, dt
+            POSITION, VELOCITY, lambda *_, kick=kick: (jnp.full_like(POSITION, 2.0), kick, None), dt
         )
         decay = np.exp(-0.7 * dt)
         expected = VELOCITY * decay + 2.0 / 0.7 * (1 - decay)

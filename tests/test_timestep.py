@@ -121,13 +121,13 @@ def test_the_limit_is_where_the_leapfrog_becomes_unstable(regime):
     for fraction, stable in ((0.995, True), (1.005, False)):
         step = fraction * stability_limit(REGIMES[regime])
         kick = leapfrog.kick(parameters, step)
+        plain = leapfrog.Kick(float(kick.keep), float(kick.gain))
         position, velocity = np.ones((3, 1)), np.zeros((3, 1))
         for _ in range(2000):
             position, velocity, _ = leapfrog.step(
                 position,
                 velocity,
-                lambda position, _: (-position, None),
-                leapfrog.Kick(float(kick.keep), float(kick.gain)),
+                lambda position, _, plain=plain: (-position, plain, None),
                 step,
             )
         # An undamped orbit below the limit is an ellipse, 1/sqrt(1 - 0.995^2) = 10 long.
