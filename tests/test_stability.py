@@ -69,9 +69,7 @@ def found_by_iteration(listed, overlap, radius, parameters, *, sliding, calls):
     kicks = leapfrog.kick(parameters, 1.0), leapfrog.spin_kick(parameters, 1.0)
 
     def again(swing, _):
-        swing = stability.swing(
-            swing, listed, constants, overlap, radius, *kicks, sliding=sliding
-        )
+        swing = stability.swing(swing, listed, constants, overlap, radius, *kicks, sliding=sliding)
         return swing, swing.rate
 
     start = stability.unknown(radius.shape[0], radius.dtype)
@@ -168,7 +166,10 @@ def random_bed(unequal):
     while len(chosen) < 30:
         size = radius[len(chosen)]
         point = random.uniform(0.75 * size, np.array(BOX.size) - 0.75 * size)
-        deep = [np.linalg.norm(point - q) < 0.7 * (size + s) for q, s in zip(chosen, radius, strict=False)]
+        deep = [
+            np.linalg.norm(point - q) < 0.7 * (size + s)
+            for q, s in zip(chosen, radius, strict=False)
+        ]
         if not any(deep):
             chosen.append(point)
     position = jnp.array(chosen)

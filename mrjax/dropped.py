@@ -1,0 +1,63 @@
+"""Final beds as Son (2018) made them: the dispersed particles dropped without a fluid.
+
+Section 3.1: "a settling simulation excluding hydrodynamic interactions for computational
+efficiency". Neither friction, restitution nor stiffness of that run is printed.
+"""
+
+from collections.abc import Iterable
+
+import mrjax
+from mrjax.box import Box
+from mrjax.recipe import Recipe
+from mrjax.run import Run
+
+INFERRED_FRICTION = 0.2
+"""Not given by the paper: inferred by the scan in tests/settling/README.md, as the one coefficient
+whose beds between walls have the printed final ratios of both samples."""
+
+ELASTIC_MODULUS = 1e7
+"""Of particles and walls, Pa: the deepest impact is then 0.3 % of a radius."""
+RESTITUTION = 0.5
+"""It hardly matters: the height of a bed changes by about a point from 0.1 to 0.9."""
+TIME_STEP, REST, LONGEST = 5e-8, 3e-4, 0.05
+"""s; the speed at which a bed rests, over that of a free fall; s."""
+
+
+def dropped(
+    recipe: Recipe,
+    seeds: Iterable[int],
+    friction: float = INFERRED_FRICTION,
+    periodic: bool = False,
+) -> Run:
+    """Lets the recipe's particles fall in a vacuum until their bed rests.
+
+    Args:
+      recipe: the lab sheet; its fluid and its surfaces' friction and stiffness are not used.
+      seeds: of the M random starts, one run for each.
+      friction: Coulomb's coefficient between particles and on the walls.
+      periodic: whether the sides of the box are periodic images in place of walls.
+
+    Returns:
+      All runs, each of the arrays with a leading axis (M, ...).
+
+    Raises:
+      SimulationError: a bed that does not come to rest, or a run not to be trusted.
+    """
+    if periodic:
+        recipe = recipe.model_copy(update={"box": Box(recipe.box.size, (True, True, False))})
+    parameters = recipe.parameters().replace(
+        elastic_modulus=ELASTIC_MODULUS,
+        wall_elastic_modulus=ELASTIC_MODULUS,
+        viscosity=0.0,
+        fluid_density=0.0,
+        friction=friction,
+        restitution=RESTITUTION,
+    )
+    return mrjax.settle(
+        [mrjax.disperse(recipe, seed) for seed in seeds],
+        parameters,
+        recipe.box,
+        time_step=TIME_STEP,
+        rest=REST,
+        longest=LONGEST,
+    )
