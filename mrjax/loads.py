@@ -41,7 +41,8 @@ def contact_forces(state: State, parameters: Parameters, box: Box) -> tuple[Arra
 def coordination_number(state: State, parameters: Parameters, box: Box) -> Array:
     """Number of particles that each particle touches, walls not counted; (N,).
 
-    Of whole numbers, so without a derivative.
+    Whole numbers, without a derivative; -1 where the particles of a traced call are packed denser
+    than there is room for.
 
     Args:
       state: a moment of a run.
@@ -55,7 +56,7 @@ def coordination_number(state: State, parameters: Parameters, box: Box) -> Array
     if listed.wall is not None:
         touching &= ~listed.wall
     count = touching.astype(jnp.int32)
-    return listed.summed(count, count)
+    return jnp.where(listed.overflow == 0, listed.summed(count, count), -1)
 
 
 def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, Loads, Units]:

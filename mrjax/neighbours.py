@@ -102,7 +102,7 @@ def build(plan: Plan, box: Box, position: Array) -> Neighbours:
     particles = position.shape[0]
     displacement, _ = box.space()
     if particles == 1:
-        none = jnp.zeros((0, particles))
+        none = jnp.zeros((plan.capacity, particles))
         return Neighbours(
             none.astype(jnp.int32),
             none.astype(bool),

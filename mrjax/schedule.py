@@ -114,6 +114,9 @@ def list_plan(
     room = plan.capacity if capacity is None else min(capacity, state.particles - 1)
     if state.contacts is not None:
         room = max(room, state.contacts.partner.shape[1] - 2 * len(box.walled_axes))
+    if capacity is not None:  # so many partners for every particle, and every wall
+        most = math.ceil(room * state.particles / 2) + len(box.walled_axes) * state.particles
+        plan = replace(plan, pairs=max(plan.pairs, most))
     return replace(plan, capacity=room)
 
 

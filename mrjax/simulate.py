@@ -120,6 +120,7 @@ class Setup:
     plan: Plan
     cuts: Schedule
     laws: Laws
+    touch: bool  # whether particles may meet each other or a wall
 
     def mended(self, run: Run) -> "Setup | None":
         """With more room, where the run failed for want of it; None for other faults."""
@@ -201,14 +202,14 @@ def prepared(
 
     # Without a contact friction is only compiled.
     laws = forces.laws(parameters) if touch else Laws(sliding=False, rolling=False, damped=False)
-    return Setup(duration, diameter / 2, plan, cuts, laws)
+    return Setup(duration, diameter / 2, plan, cuts, laws, touch)
 
 
 def attempt(
     state: State, parameters: Parameters, hindrance: Hindrance | None, box: Box, setup: Setup
 ) -> Run:
     """One run with all decided, whose faults may be mended: SI to reduced units, scan, and back."""
-    duration, unit_length, plan, cuts, laws = (
+    duration, unit_length, plan, cuts, laws, touch = (
         getattr(setup, field.name) for field in fields(setup)
     )
     time_step = duration / cuts.total
@@ -241,6 +242,7 @@ def attempt(
         plan=plan,
         cuts=cuts,
         laws=laws,
+        touch=touch,
     )
     # A factor, not a choice: the derivative of what must not be used is NaN too.
     sound = jnp.where(fault == 0, 1.0, jnp.nan).astype(dtype)
@@ -279,7 +281,7 @@ class Motion(NamedTuple):
     fault: Array  # ()
 
 
-@partial(jax.jit, static_argnames=("box", "plan", "cuts", "laws"))
+@partial(jax.jit, static_argnames=("box", "plan", "cuts", "laws", "touch"))
 def _scan(
     start: Motion,
     parameters: Parameters,
@@ -290,6 +292,7 @@ def _scan(
     plan: Plan,
     cuts: Schedule,
     laws: Laws,
+    touch: bool,
 ) -> tuple[Motion, Array, Array, Array, Array, Array, Array]:
     """The compiled loops, in reduced units with steps of length one."""
     particles = start.position.shape[1]
@@ -304,6 +307,7 @@ def _scan(
         return leapfrog.kick(felt, 1.0), leapfrog.spin_kick(felt, 1.0)
 
     everywhere = kicks(start.position)
+    others = particles > 1 or (touch and bool(box.walled_axes))
 
     def observe(motion: Motion) -> tuple[Array, Array, Array]:
         speed = jnp.sqrt(lax.stop_gradient(sum(motion.velocity**2)))
@@ -345,7 +349,7 @@ def _scan(
         (travelled, velocity, spin, memory, deepest, farthest), _ = lax.scan(
             step, begin, length=cuts.steps
         )
-        outran = (2.0 * jnp.sqrt(jnp.max(farthest)) > skin_left) & (particles > 1)
+        outran = (2.0 * jnp.sqrt(jnp.max(farthest)) > skin_left) & others
         fault = motion.fault | listed.overflow | jnp.where(outran, int(Fault.OUTRAN_LIST), 0)
         position = motion.position + travelled
         swing = stability.swing(
