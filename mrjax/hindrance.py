@@ -59,16 +59,20 @@ def local_volume_fraction(
     periodic = box.periodic[2]
     # Two levels beyond either end, where nothing is periodic.
     beyond = 0 if periodic else 2
+    nodes = levels + 1 + 2 * beyond
 
     def reached(height: Array) -> tuple[Array, Array]:
         below = jnp.floor(lax.stop_gradient(height))
         level = below.astype(jnp.int32)[None, :] + jnp.arange(-1, 3, dtype=jnp.int32)[:, None]
         weight = jnp.stack(_cubic_b_spline(height - below))
-        return (level % levels if periodic else level + beyond), weight
+        if periodic:
+            return level % levels, weight
+        # A negative index would count from the top.
+        return jnp.where(level < -beyond, nodes, level + beyond), weight
 
     volume = per_particle(4 / 3 * jnp.pi * particle.outer_radius(parameters) ** 3, height.shape[0])
     share = volume / (box.size[0] * box.size[1] * spacing)
-    fraction = jnp.zeros(levels + 1 + 2 * beyond, height.dtype)
+    fraction = jnp.zeros(nodes, height.dtype)
     for image in (height,) if periodic else (height, -height):
         level, weight = reached(image)
         fraction = fraction.at[level].add(weight * share[None, :], mode="drop")

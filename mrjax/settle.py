@@ -1,7 +1,7 @@
 """The whole sedimentation curve: a run, or an ensemble of runs, until the bed rests."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -31,7 +31,7 @@ PACKED = 0.64
 """Volume fraction of a random close packing: what is left to fall through, at most."""
 FRAMES_AT_ONCE = 10
 FRAMES_AT_REST = 3
-PATIENCE = 8.0
+PATIENCE = 20.0
 """Times the expected duration after which a bed is given up."""
 SHORTER = 0.7
 """Factor on a step that turned out too long."""
@@ -66,7 +66,7 @@ def settle(
       box: the container.
       frames: recorded in the expected duration; a run has more where it takes longer.
       rest: mean speed of the particles at which they rest, over the speed at which they fall.
-      longest: duration after which to give up, s; left out, 8 times the expected one.
+      longest: duration after which to give up, s; left out, 20 times the expected one.
       time_step: longest step, s; left out, what a random bed under its weight is stable at.
       skin, rebuild_every, hindrance: as for `simulate`.
       progress: whether to show a progress bar, on standard error.
@@ -87,7 +87,7 @@ def settle(
     interval = expected / checks.whole(frames, "frames")
     longest = PATIENCE * expected if longest is None else checks.positive(longest, "longest", "s")
     if time_step is None:
-        bed = parameters if hindrance is None else parameters.replace(f_w=hindrance(BED))
+        bed = parameters if hindrance is None else parameters.replace(f_w=known(hindrance)(BED))
         time_step = min(interval, _bearable_step(each[0], bed, box, falling))
     slow = rest * falling
     while True:
@@ -104,15 +104,24 @@ def settle(
             touch=True,
         )
         follow = partial(_until_rest, parameters, hindrance, box, setup, slow, longest, progress)
-        # One program for all; each thread is busy outside Python.
-        with ThreadPoolExecutor(os.cpu_count()) as pool:
-            runs = list(pool.map(follow, range(len(each)), each))
+        runs = _side_by_side(follow, each)
         if all(int(run.fault) != Fault.UNSTABLE for run in runs):
             break
         time_step = SHORTER * setup.duration / setup.cuts.total
     for run in runs:
         run.check()
     return _stacked(runs) if several else runs[0]
+
+
+def _side_by_side(follow: Callable[[int, State], Run], states: list[State]) -> list[Run]:
+    """Every state followed, one on each processor: a run is busy outside Python."""
+    if len(states) == 1:
+        return [follow(0, states[0])]
+    pool = ThreadPoolExecutor(os.cpu_count())
+    try:
+        return list(pool.map(follow, range(len(states)), states))
+    finally:  # an interruption does not wait for the others
+        pool.shutdown(wait=False, cancel_futures=True)
 
 
 def _until_rest(

@@ -120,7 +120,6 @@ class Setup:
     plan: Plan
     cuts: Schedule
     laws: Laws
-    touch: bool  # whether particles may meet each other or a wall
 
     def mended(self, run: Run) -> "Setup | None":
         """With more room, where the run failed for want of it; None for other faults."""
@@ -170,7 +169,7 @@ def prepared(
             touch = state.contacts is not None or checks.may_touch(
                 position, radius, box, 2 * speed * duration, diameter
             )
-        in_bed = numbers if hindrance is None else numbers.replace(f_w=hindrance(BED))
+        in_bed = numbers if hindrance is None else numbers.replace(f_w=known(hindrance)(BED))
         largest, hopeless = (
             schedule.largest_stable_step(in_bed, box, diameter, speed, arrangement)
             if touch
@@ -202,14 +201,14 @@ def prepared(
 
     # Without a contact friction is only compiled.
     laws = forces.laws(parameters) if touch else Laws(sliding=False, rolling=False, damped=False)
-    return Setup(duration, diameter / 2, plan, cuts, laws, touch)
+    return Setup(duration, diameter / 2, plan, cuts, laws)
 
 
 def attempt(
     state: State, parameters: Parameters, hindrance: Hindrance | None, box: Box, setup: Setup
 ) -> Run:
     """One run with all decided, whose faults may be mended: SI to reduced units, scan, and back."""
-    duration, unit_length, plan, cuts, laws, touch = (
+    duration, unit_length, plan, cuts, laws = (
         getattr(setup, field.name) for field in fields(setup)
     )
     time_step = duration / cuts.total
@@ -242,7 +241,6 @@ def attempt(
         plan=plan,
         cuts=cuts,
         laws=laws,
-        touch=touch,
     )
     # A factor, not a choice: the derivative of what must not be used is NaN too.
     sound = jnp.where(fault == 0, 1.0, jnp.nan).astype(dtype)
@@ -281,7 +279,7 @@ class Motion(NamedTuple):
     fault: Array  # ()
 
 
-@partial(jax.jit, static_argnames=("box", "plan", "cuts", "laws", "touch"))
+@partial(jax.jit, static_argnames=("box", "plan", "cuts", "laws"))
 def _scan(
     start: Motion,
     parameters: Parameters,
@@ -292,7 +290,6 @@ def _scan(
     plan: Plan,
     cuts: Schedule,
     laws: Laws,
-    touch: bool,
 ) -> tuple[Motion, Array, Array, Array, Array, Array, Array]:
     """The compiled loops, in reduced units with steps of length one."""
     particles = start.position.shape[1]
@@ -307,7 +304,8 @@ def _scan(
         return leapfrog.kick(felt, 1.0), leapfrog.spin_kick(felt, 1.0)
 
     everywhere = kicks(start.position)
-    others = particles > 1 or (touch and bool(box.walled_axes))
+    # A lone particle has room for every wall, and may go where it likes.
+    listed_gap = skin_left if particles > 1 else jnp.asarray(jnp.inf, radius.dtype)
 
     def observe(motion: Motion) -> tuple[Array, Array, Array]:
         speed = jnp.sqrt(lax.stop_gradient(sum(motion.velocity**2)))
@@ -316,7 +314,7 @@ def _scan(
     @partial(jax.checkpoint, prevent_cse=False)
     def between_rebuilds(motion: Motion, _):
         found = neighbours.build(plan, box, motion.position.T)
-        listed = pairs.listed(found, box, motion.position, radius, skin_left, plan.pairs)
+        listed = pairs.listed(found, box, motion.position, radius, listed_gap, plan.pairs)
         loads = law(listed)
 
         @partial(jax.checkpoint, prevent_cse=False)
@@ -349,7 +347,7 @@ def _scan(
         (travelled, velocity, spin, memory, deepest, farthest), _ = lax.scan(
             step, begin, length=cuts.steps
         )
-        outran = (2.0 * jnp.sqrt(jnp.max(farthest)) > skin_left) & others
+        outran = (2.0 * jnp.sqrt(jnp.max(farthest)) > skin_left) & (particles > 1)
         fault = motion.fault | listed.overflow | jnp.where(outran, int(Fault.OUTRAN_LIST), 0)
         position = motion.position + travelled
         swing = stability.swing(

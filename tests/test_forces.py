@@ -221,15 +221,15 @@ def thrown(box, every, velocity=-1.0):
     return mrjax.simulate(state, GLASS, box, duration=1e-3, time_step=2 * STEP, rebuild_every=every)
 
 
-def test_a_lone_particle_does_not_outrun_the_walls_in_its_list():
-    """In a plain call the list is rebuilt until it serves; a traced one is poisoned."""
+def test_a_lone_particle_never_outruns_the_walls():
+    """Its list holds every wall, however far: plain and traced calls may rebuild it as rarely."""
     often, rarely = thrown(ROOM, 50), thrown(ROOM, 5000)
     assert often.state.velocity[0, 2] > 0.99
     # A few more steps may be taken where the interval is cut.
     np.testing.assert_allclose(rarely.state.velocity, often.state.velocity, rtol=1e-6, atol=0)
     traced = jax.jit(lambda velocity: thrown(ROOM, 5000, velocity))(-1.0)
-    assert int(traced.fault) & mrjax.Fault.OUTRAN_LIST
-    assert np.isnan(traced.state.velocity).all()
+    assert int(traced.fault) == 0
+    np.testing.assert_allclose(traced.state.velocity, often.state.velocity, rtol=1e-6, atol=0)
     # Where there are none it meets nobody, however far it flies.
     free = jax.jit(lambda velocity: thrown(mrjax.Box(ROOM.size, (True,) * 3), 5000, velocity))(-1.0)
     assert int(free.fault) == 0

@@ -100,8 +100,8 @@ def test_twice_continuously_differentiable_across_the_levels():
         return local(0.8, box, others.at[0].set(z), 2.0)[0]
 
     slope, curvature = jax.jit(jax.grad(profile)), jax.jit(jax.grad(jax.grad(profile)))
-    third = 1e-3  # an upper bound on the third derivative here, and on its jumps
-    for level in (2.0, 6.0, 10.0, 0.5, 9.1):  # knots, and between
+    third = 0.05  # an upper bound on the third derivative here, and on its jumps
+    for level in (2.0, 6.0, 10.0, 3.0, 7.0, 0.5, 9.1):  # knots, half-way, and between
         for of, derivative in ((profile, slope), (slope, curvature)):
             central = (of(level + 1e-5) - of(level - 1e-5)) / 2e-5
             # At a knot the third derivative jumps: half of 1e-5 of it.
@@ -183,9 +183,9 @@ def test_the_first_velocities_are_those_of_the_local_fraction(column):
     height = np.asarray(run.heights)
     fraction = double_sum(np.full(6, 2e-6), box, 0.5 * (height[1] + height[2]), 4e-6)
     free = parameters.replace(f_w=jnp.array((1 - fraction) ** -4.65))
-    # Their changes within a frame cancel to first order about its middle.
+    # Their changes within a frame, 1e-3, cancel to first order about its middle.
     found = (height[1] - height[2]) / float(run.times[2] - run.times[1])
-    np.testing.assert_allclose(found, mrjax.terminal_velocity(free), rtol=1e-6)
+    np.testing.assert_allclose(found, mrjax.terminal_velocity(free), rtol=1e-5)
     # By a tenth apart, so that each is seen to be its own.
     assert np.ptp(found) > 0.05 * found.max()
 

@@ -167,14 +167,14 @@ def test_an_ensemble_is_its_single_runs_with_the_early_ones_padded(walled):
     assert whole.mudline.shape == (3, max(lengths))
 
 
-def test_a_plain_run_of_its_duration_frames_and_step_is_the_same_curve(smooth):
-    """As promised for gradients; parts hand over in SI units, with a rounding each."""
-    parameters, state, run = smooth
+def test_a_plain_run_of_its_duration_frames_and_step_is_the_same_curve(walled, first):
+    """As promised for gradients; parts hand over contacts in SI units, with a rounding each."""
+    (parameters, states, _), run = walled, first
     frames = len(run.times) - 1
     plain = mrjax.simulate(
-        state,
+        states[0],
         parameters,
-        PERIODIC,
+        WALLED,
         duration=float(run.times[-1]),
         frames=frames,
         time_step=run.time_step,
@@ -182,7 +182,7 @@ def test_a_plain_run_of_its_duration_frames_and_step_is_the_same_curve(smooth):
     )
     assert plain.steps == run.steps
     np.testing.assert_allclose(plain.times, run.times, rtol=1e-12)
-    np.testing.assert_allclose(plain.heights, run.heights, rtol=0, atol=1e-6 * PERIODIC.height)
+    np.testing.assert_allclose(plain.heights, run.heights, rtol=0, atol=1e-6 * WALLED.height)
 
 
 def test_coordination_number_is_what_overlaps(walled, first, smooth):

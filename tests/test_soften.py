@@ -97,7 +97,7 @@ def test_dashpots_stay_where_drag_does_not_outweigh_them(case2):
     elastic = dict(restitution=jnp.asarray(1.0))
     trial = soft.replace(dissipation=jnp.asarray(1.0))
     per_second = float(timestep.dashpots(trial, 0.05 * 2e-6))
-    border = soften.IDLE * float(drag.coefficient(soft)) / per_second
+    border = 1e-3 * float(drag.coefficient(soft)) / per_second
     assert not kept(dissipation=jnp.asarray(0.99 * border), **elastic)
     assert kept(dissipation=jnp.asarray(1.01 * border), **elastic)
 
