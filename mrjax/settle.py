@@ -236,9 +236,9 @@ def _expected(states: list[State], parameters: Parameters, box: Box) -> tuple[fl
         numbers = known(parameters)
         particles = states[0].particles
         radius = np.broadcast_to(particle.outer_radius(numbers), particles)
-        pull = np.max(particle.net_weight(numbers) / particle.inertia(numbers))
-        terminal = np.min(theory.terminal_velocity(numbers))
-    if np.isnan(terminal) and numbers.gravity > 0:
+        pull = float(np.max(particle.net_weight(numbers) / particle.inertia(numbers)))
+        terminal = float(np.min(theory.terminal_velocity(numbers)))
+    if np.isnan(pull) or (np.isnan(terminal) and pull > 0):
         raise InputError("the parameters are traced by jit or vmap; settle cannot be")
     if not pull > 0:
         raise InputError("nothing pulls the particles down: gravity or net weight is not positive")
@@ -246,8 +246,8 @@ def _expected(states: list[State], parameters: Parameters, box: Box) -> tuple[fl
     solid = float(np.sum(4 / 3 * np.pi * radius**3))
     fall = max(top - solid / (PACKED * box.size[0] * box.size[1]), float(radius.max()))
     free = float(np.sqrt(2.0 * pull * fall))
-    falling = min(free, float(terminal))
-    return max(fall / float(terminal), 2.0 * fall / free), falling
+    falling = min(free, terminal)
+    return max(fall / terminal, 2.0 * fall / free), falling
 
 
 def _bearable_step(state: State, parameters: Parameters, box: Box, falling: float) -> float:

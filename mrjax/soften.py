@@ -66,7 +66,7 @@ def _factor(parameters: Parameters, box: Box, particles: int, overlap: float) ->
         largest = float(jnp.max(particle.outer_radius(numbers)))
         expected = resting_overlap(numbers, box, particles)
     # Hertz: the overlap under a load goes with E^(-2/3).
-    return min(1.0, (expected / (overlap * largest)) ** 1.5)
+    return float(np.minimum(1.0, (expected / (overlap * largest)) ** 1.5))  # keeps NaN
 
 
 def resting_overlap(numbers: Parameters, box: Box, particles: int) -> float:
