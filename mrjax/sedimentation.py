@@ -19,8 +19,7 @@ from mrjax.settle import settle
 from mrjax.soften import softened
 
 OVERLAP = 0.05
-"""Greatest overlap of a bed at rest, in contact radii: 2.5 % of a diameter. The bed is lower by
-about a tenth of that."""
+"""Greatest overlap of a bed at rest, in contact radii: 2.5 % of a diameter."""
 
 
 @dataclass(frozen=True)
