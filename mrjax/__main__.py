@@ -7,6 +7,7 @@ import click
 
 from mrjax import commands, files, timestep
 from mrjax.sedimentation import OVERLAP, standard_error
+from mrjax.soften import MOST_OVERLAP
 
 STEADY_AFTER = 10.0
 """Relaxation times after which a velocity is steady to 5e-5."""
@@ -53,7 +54,7 @@ def cli() -> None:
 )
 @click.option(
     "--overlap",
-    type=float,
+    type=click.FloatRange(0, MOST_OVERLAP, min_open=True),
     default=OVERLAP,
     show_default=True,
     metavar="RADII",

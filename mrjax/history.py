@@ -113,19 +113,17 @@ def recalled(
       sliding, rolling: whether a law reads these.
       unit_length: of the memory, m.
     """
-    particles = like.shape[0]
+    if contacts is None:
+        contacts = Contacts(jnp.zeros((like.shape[0], 0), jnp.int32), None, None)
+    contacts = widened(contacts, slots)
 
     def vector(rows: Array | None, unit: float) -> Vector:
         if rows is None:
-            return (jnp.zeros((slots, particles), like.dtype),) * 3
-        padded = jnp.pad(rows / unit, ((0, 0), (0, slots - rows.shape[1]), (0, 0)))
-        return tuple(padded[..., axis].T for axis in range(3))
+            return (jnp.zeros((slots, like.shape[0]), like.dtype),) * 3
+        return tuple(rows[..., axis].T / unit for axis in range(3))
 
-    if contacts is None:
-        contacts = Contacts(jnp.zeros((particles, 0), jnp.int32), None, None)
-    spare = ((0, 0), (0, slots - contacts.partner.shape[1]))
     return Notes(
-        jnp.pad(contacts.partner, spare, constant_values=NOBODY).T,
+        contacts.partner.T,
         vector(contacts.sliding, unit_length) if sliding else None,
         vector(contacts.rolling, 1.0) if rolling else None,
     )

@@ -35,6 +35,8 @@ PATIENCE = 20.0
 """Times the expected duration after which a bed is given up."""
 SHORTER = 0.7
 """Factor on a step that turned out too long."""
+THIN = 0.5
+"""Volume fraction of the thinnest layers in which particles touch, over that of all."""
 INERTIAL = 8.0
 """How much shorter a step must be where drag does not damp contacts: an impact takes about 20."""
 
@@ -87,8 +89,7 @@ def settle(
     interval = expected / checks.whole(frames, "frames")
     longest = PATIENCE * expected if longest is None else checks.positive(longest, "longest", "s")
     if time_step is None:
-        bed = parameters if hindrance is None else parameters.replace(f_w=known(hindrance)(BED))
-        time_step = min(interval, _bearable_step(each[0], bed, box, falling))
+        time_step = min(interval, _bearable_step(each[0], parameters, hindrance, box, falling))
     slow = rest * falling
     while True:
         setup = prepared(
@@ -250,14 +251,35 @@ def _expected(states: list[State], parameters: Parameters, box: Box) -> tuple[fl
     return max(fall / terminal, 2.0 * fall / free), falling
 
 
-def _bearable_step(state: State, parameters: Parameters, box: Box, falling: float) -> float:
-    """A step that a random bed of these particles is stable at, and that resolves a dry impact."""
+def _bearable_step(
+    state: State, parameters: Parameters, hindrance: Hindrance | None, box: Box, falling: float
+) -> float:
+    """A step that a random bed of these particles is stable at, and that resolves a dry impact.
+
+    Where drag is local, a step that the thinnest suspension is stable at, too: its drag is the
+    least, while a contact there bears no more than the weight of one particle.
+    """
     with jax.ensure_compile_time_eval():
         numbers = known(parameters)
         resting = soften.resting_overlap(numbers, box, state.particles)
-        overlap = max(resting, float(timestep.expected_overlap(numbers, 0.0, falling)))
-        stable = float(timestep.largest_stable_step(numbers, overlap, RANDOM_BED))
-        relaxation = float(np.min(timestep.relaxation_time(numbers)))
+        layers = [(numbers, resting)]
+        if hindrance is not None:
+            radius = np.broadcast_to(particle.outer_radius(numbers), state.particles)
+            fraction = 4 / 3 * np.pi * np.sum(radius**3) / box.volume
+            weight = np.max(particle.net_weight(numbers))
+            alone = float(timestep.expected_overlap(numbers, weight, 0.0))
+            layers = [
+                (numbers.replace(f_w=known(hindrance)(share)), overlap)
+                for share, overlap in ((BED, resting), (THIN * fraction, alone))
+            ]
+        impact = float(timestep.expected_overlap(numbers, 0.0, falling))
+        return min(_stable_step(layer, max(overlap, impact)) for layer, overlap in layers)
+
+
+def _stable_step(numbers: Parameters, overlap: float) -> float:
+    """Of a random bed with this deepest overlap, m, that a dry impact is resolved by, too; s."""
+    stable = float(timestep.largest_stable_step(numbers, overlap, RANDOM_BED))
+    relaxation = float(np.min(timestep.relaxation_time(numbers)))
     return stable if relaxation < stable else stable / INERTIAL
 
 

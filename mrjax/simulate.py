@@ -350,16 +350,9 @@ def _scan(
         outran = (2.0 * jnp.sqrt(jnp.max(farthest)) > skin_left) & (particles > 1)
         fault = motion.fault | listed.overflow | jnp.where(outran, int(Fault.OUTRAN_LIST), 0)
         position = motion.position + travelled
-        swing = stability.swing(
-            motion.swing,
-            listed,
-            surfaces.of(parameters, material, listed),
-            deepest,
-            radius,
-            *kicks(position),
-            sliding=laws.sliding,
-        )
-        swing = lax.stop_gradient(swing)
+        constants = surfaces.of(parameters, material, listed)
+        bed = (motion.swing, listed, constants, deepest, radius, *kicks(position))
+        swing = stability.swing(*lax.stop_gradient(bed), sliding=laws.sliding)
         fault |= jnp.where(swing.rate > stability.MOST, int(Fault.UNSTABLE), 0)
         deepest = jnp.maximum(motion.overlap, listed.deepest(deepest))
         notes = history.noted(memory, listed)

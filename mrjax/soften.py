@@ -19,7 +19,8 @@ from mrjax.parameters import Parameters
 
 FORCE_CHAINS = 4.5
 """Greatest contact force at the floor of a random bed over the mean load of a particle there."""
-
+MOST_OVERLAP = 0.1
+"""In contact radii: beyond it the height of a bed would show it."""
 
 IDLE = 1e-3
 """Share of a contact's dashpot in the drag below which it is left out."""
@@ -42,8 +43,10 @@ def softened(parameters: Parameters, box: Box, particles: int, overlap: float) -
       InputError: an overlap that is not between 0 and 0.1, or parameters that are traced.
     """
     overlap = checks.positive(overlap, "overlap", "contact radii")
-    if overlap > 0.1:
-        raise InputError(f"overlap = {overlap:g} contact radii: give at most 0.1, better 0.02")
+    if overlap > MOST_OVERLAP:
+        raise InputError(
+            f"overlap = {overlap:g} contact radii: give at most {MOST_OVERLAP}, better 0.02"
+        )
     factor = _factor(parameters, box, particles, overlap)
     if np.isnan(factor):
         raise InputError("the parameters are traced by jit or vmap; soften them outside")

@@ -1,5 +1,6 @@
 """Whether the contacts of a bed are stable at a step, from the bed itself."""
 
+from types import ModuleType
 from typing import NamedTuple
 
 import jax
@@ -103,24 +104,15 @@ def _stiffnesses(
     """K + 2 c of every contact in the unit of time, normal and tangential; (P,)."""
     touching = (overlap > 0.0) & listed.present
     depth = jnp.where(touching, overlap, 1.0)
-    normal = contact.stiffness(constants.modulus, constants.radius, depth)
-    normal += 2.0 * contact.damping_coefficient(
-        constants.modulus,
-        constants.radius,
-        constants.mass,
-        depth,
-        constants.dissipation,
-        constants.damping,
-    )
+
+    def of(law: ModuleType, modulus: Array, dissipation: Array) -> Array:
+        kept = law.stiffness(modulus, constants.radius, depth)
+        damped = law.damping_coefficient(
+            modulus, constants.radius, constants.mass, depth, dissipation, constants.damping
+        )
+        return jnp.where(touching, kept + 2.0 * damped, 0.0)
+
+    normal = of(contact, constants.modulus, constants.dissipation)
     if not sliding:
-        return jnp.where(touching, normal, 0.0), jnp.zeros_like(normal)
-    tangential = friction.stiffness(constants.shear_modulus, constants.radius, depth)
-    tangential += 2.0 * friction.damping_coefficient(
-        constants.shear_modulus,
-        constants.radius,
-        constants.mass,
-        depth,
-        constants.tangential_dissipation,
-        constants.damping,
-    )
-    return jnp.where(touching, normal, 0.0), jnp.where(touching, tangential, 0.0)
+        return normal, jnp.zeros_like(normal)
+    return normal, of(friction, constants.shear_modulus, constants.tangential_dissipation)
