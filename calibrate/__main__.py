@@ -6,18 +6,21 @@ from pathlib import Path
 import click
 import numpy as np
 
-from mrjax import SimulationError, commands, files
+from mrjax import InputError, SimulationError, commands, files
 
 
 @click.command(
-    help="""Fits an EXPERIMENT, bundled (fang2005) or a TOML file of samples and parameters.
+    help="""Fits an EXPERIMENT, bundled (fang2005, synthetic) or a TOML file of samples and
+    parameters.
 
-    Writes fit.json, report.md and figures of the predictions and the search.
+    Writes fit.json, report.md, report.html and figures.
 
     \b
     Examples:
       mrjax-calibrate fang2005 --out results
-      mrjax-calibrate mine.toml --model closed-form --out results
+      mrjax-calibrate mine.toml --model column --starts 8 --posterior
+      mrjax-calibrate mine.toml --leave-one-out
+      mrjax-calibrate mine.toml --predict new.toml --like A
     """
 )
 @click.version_option(package_name="mrjax")
@@ -27,29 +30,85 @@ from mrjax import SimulationError, commands, files
     "--model",
     default="particles",
     show_default=True,
-    type=click.Choice(["particles", "closed-form"]),
-    help="Forward model: a simulation of all particles, or Eq. 27.",
+    type=click.Choice(["particles", "column", "closed-form"]),
+    help="Forward model: a simulation of all particles, of layers in the tube, or Eq. 27.",
 )
+@click.option(
+    "--starts",
+    default=1,
+    show_default=True,
+    type=click.IntRange(1, 1000),
+    help="Searches from as many points, drawn from the priors; the best is kept.",
+)
+@click.option(
+    "--robust",
+    type=click.FloatRange(0, min_open=True),
+    metavar="SIGMAS",
+    help="Residuals beyond this count linearly, so that outliers pull less.",
+)
+@click.option("--posterior", is_flag=True, help="Samples the posterior; needs mrjax[posterior].")
+@click.option("--leave-one-out", is_flag=True, help="Predicts each sample from the others, too.")
+@click.option("--predict", metavar="RECIPE", help="Predicts a recipe that was not measured.")
+@click.option("--like", metavar="SAMPLE", help="The sample whose parameters that recipe shares.")
 @commands.seed_option
 @commands.dtype_option
 @click.option("--quiet", is_flag=True, help="No progress, no summary.")
-def cli(experiment: str, out: str, model: str, seed: int, dtype: str, quiet: bool) -> None:
+def cli(
+    experiment: str,
+    out: str,
+    model: str,
+    starts: int,
+    robust: float | None,
+    posterior: bool,
+    leave_one_out: bool,
+    predict: str | None,
+    like: str | None,
+    seed: int,
+    dtype: str,
+    quiet: bool,
+) -> None:
     """Fits an experiment and reports."""
-    from calibrate import report
+    from calibrate import forecast, plots, report
     from calibrate.data import Experiment
     from calibrate.fit import fit
     from calibrate.identify import identify
+    from calibrate.posterior import posterior as sampled
+    from calibrate.profile import profiles
     from calibrate.residuals import Problem
 
     began = time.perf_counter()
     commands.set_precision(dtype)
     loaded = Experiment.load(experiment)
+    new = None if predict is None else _new(loaded, predict, like)
     folder = files.result_folder(Path(out))
     problem = Problem.prepare(loaded, model, seed)
-    fitted = fit(problem.residuals, problem.start, priors=problem.priors, progress=not quiet)
+    checkpoint = folder / "search.json"
+    if checkpoint.exists() and not quiet:
+        click.echo(f"Going on with the search kept in {checkpoint}.", err=True)
+    try:
+        fitted = fit(
+            problem.residuals,
+            problem.start,
+            priors=problem.priors,
+            starts=starts,
+            seed=seed,
+            robust=robust,
+            progress=not quiet,
+            checkpoint=checkpoint,
+        )
+    except ValueError as error:
+        raise InputError(str(error)) from None
     # Outside the compiled fit a simulation checks itself and raises where it is not to be trusted.
     predicted = np.asarray(problem.predict(fitted.theta))
-    result = report.summary(problem, fitted, identify(fitted), predicted)
+    usable = fitted.converged
+    held = profiles(fitted) if usable else ()
+    samples = sampled(fitted, seed) if posterior and usable else None
+    result = report.summary(problem, fitted, identify(fitted), predicted, held, samples)
+    if leave_one_out:
+        left_out = forecast.leave_one_out(loaded, model, seed)
+        result["left_out"] = report.forecasts(left_out)
+    if new is not None and usable:
+        result["new"] = report.forecasts(forecast.forecast(new[0], fitted, new[1], model, seed))
     result |= {
         "experiment": loaded.name,
         "model": model,
@@ -58,10 +117,13 @@ def cli(experiment: str, out: str, model: str, seed: int, dtype: str, quiet: boo
         "versions": commands.versions(),
         "wall_seconds": time.perf_counter() - began,
     }
-    report.write(folder, loaded.name, model, fitted, result)
+    figures = plots.figures(problem, fitted, result, held, samples)
+    report.write(folder, report.markdown(loaded.name, model, result, figures), result, figures)
     if not quiet:
         click.echo("\n".join(report.in_words(result)))
-        click.echo(f"Report: {folder / 'report.md'}")
+        for one in result.get("left_out", []) + result.get("new", []):
+            click.echo(report.line(one))
+        click.echo(f"Report: {folder / 'report.html'}")
     if result["misfit"]:
         worst = max(
             result["predictions"],
@@ -78,6 +140,24 @@ def cli(experiment: str, out: str, model: str, seed: int, dtype: str, quiet: boo
             f"the fit did not converge in {fitted.model_runs} model runs; what {folder} holds is "
             "marked so: start nearer, or check the data for values that contradict each other"
         )
+    if samples is not None and not samples.converged:
+        raise SimulationError(
+            f"the samples of the posterior did not converge; what {folder} holds of them is marked "
+            "so: give narrower priors"
+        )
+
+
+def _new(experiment, recipe: str, like: str | None):
+    """The recipe to be predicted as a sample, and the experiment that says what applies to it."""
+    from calibrate import forecast
+    from mrjax import Recipe
+
+    if like is None:
+        known = ", ".join(sample.name for sample in experiment.samples)
+        raise InputError(
+            f"--predict {recipe}: say which sample's parameters it shares: --like, one of {known}"
+        )
+    return forecast.like(experiment, Recipe.load(recipe), like)
 
 
 def main() -> None:

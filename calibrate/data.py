@@ -2,11 +2,16 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
+from jax.typing import ArrayLike
 from pydantic import Field, field_validator, model_validator
 
-from mrjax import InputError, Parameters, Recipe, sheets
+from calibrate import curve
+from calibrate.curve import RATIO_UNITS, CurveSheet
+from calibrate.fitted import Fitted, ParameterSheet, fitted
+from calibrate.suspension import BED, CLOSURE, Suspension, refuse_unknown, suspension
+from mrjax import InputError, Recipe, sheets
 from mrjax.sheets import Sheet
 
 VELOCITY_UNITS = {
@@ -17,9 +22,6 @@ VELOCITY_UNITS = {
     "mm/day": 1e-3 / 86400,
 }
 """SI value of one unit."""
-
-FITTED = ("f_w", "f_s", "f_v")
-"""Parameters that a log-normal prior fits: the corrections of Stokes' drag."""
 
 
 class InitialVelocity(Sheet):
@@ -37,6 +39,25 @@ class InitialVelocity(Sheet):
         return unit
 
 
+class FinalRatio(Sheet):
+    """Height of the bed at rest over that of the dispersed suspension."""
+
+    value: float = Field(gt=0, description="the measured ratio, above zero")
+    standard_deviation: float = Field(gt=0, description="its uncertainty, above zero")
+    unit: str = Field(default="1", description="1 or %")
+
+    @model_validator(mode="after")
+    def _a_ratio(self):
+        if self.unit not in RATIO_UNITS:
+            raise ValueError(f"unit = {self.unit!r}: must be one of {', '.join(RATIO_UNITS)}")
+        if self.value * RATIO_UNITS[self.unit] > 1.0:
+            raise ValueError(
+                f"final_ratio.value = {self.value:g}: a bed is no higher than its suspension; for "
+                'per cent give unit = "%"'
+            )
+        return self
+
+
 class ViscosityRatio(Sheet):
     """Rheometer: viscosity of the fluid with additives over that of the base fluid."""
 
@@ -49,33 +70,32 @@ class SampleSheet(Sheet):
 
     name: str = Field(description="a name for the sample")
     recipe: str = Field(description="a bundled recipe's name, or a path from this file")
+    height: float | None = Field(
+        default=None, gt=0, description="of the suspension in its tube in m, above zero"
+    )
+    bed_fraction: float | Literal["particles"] | None = Field(
+        default=None,
+        description='the volume fraction of coated particles in the bed at rest, or "particles"',
+    )
     initial_velocity: InitialVelocity | None = Field(
         default=None, description="a table with value, standard_deviation and unit"
+    )
+    final_ratio: FinalRatio | None = Field(
+        default=None, description="a table with value and standard_deviation"
+    )
+    curve: CurveSheet | None = Field(
+        default=None, description="a table with file, time_unit, unit and standard_deviation"
     )
     viscosity_ratio: ViscosityRatio | None = Field(
         default=None, description="a table with value and standard_deviation"
     )
 
-
-class ParameterSheet(Sheet):
-    """A quantity to be fitted, with its log-normal prior."""
-
-    name: str = Field(description=f"one of {', '.join(FITTED)}")
-    median: float = Field(gt=0, description="the prior's median, above zero")
-    log_standard_deviation: float = Field(
-        gt=0, description="the standard deviation of its logarithm, above zero"
-    )
-    samples: list[str] | None = Field(default=None, description="names of samples, or leave out")
-    per_sample: bool = Field(
-        default=False, description="true for a value of its own for each sample"
-    )
-
-    @field_validator("name")
+    @field_validator("bed_fraction")
     @classmethod
-    def _known(cls, name: str) -> str:
-        if name not in FITTED:
-            raise ValueError(f"parameter.name = {name!r}: must be one of {', '.join(FITTED)}")
-        return name
+    def _a_fraction(cls, bed_fraction):
+        if isinstance(bed_fraction, float) and not 0 < bed_fraction < 1:
+            raise ValueError(f"bed_fraction = {bed_fraction:g}: must be between 0 and 1, about 0.6")
+        return bed_fraction
 
 
 class ExperimentSheet(Sheet):
@@ -92,10 +112,16 @@ class ExperimentSheet(Sheet):
             if names.count(name) > 1:
                 raise ValueError(f"sample.name = {name!r}: given twice; give each its own name")
         for sample in self.sample:
-            if not (sample.initial_velocity or sample.viscosity_ratio):
+            measured = (
+                sample.initial_velocity,
+                sample.final_ratio,
+                sample.curve,
+                sample.viscosity_ratio,
+            )
+            if not any(measured):
                 raise ValueError(
                     f"sample {sample.name!r}: nothing was measured; give it a table "
-                    "initial_velocity or viscosity_ratio"
+                    "initial_velocity, final_ratio, curve or viscosity_ratio"
                 )
         taken = set()
         for parameter in self.parameter:
@@ -122,6 +148,8 @@ class Measurement(NamedTuple):
     standard_deviation: float
     unit: str
     si: float
+    place: int | None = None
+    """Which point of the sample's curve this is."""
 
 
 @dataclass(frozen=True)
@@ -130,18 +158,13 @@ class Sample:
 
     name: str
     recipe: Recipe
+    height: float
+    """Of the suspension when dispersed, m."""
+    bed_fraction: float | Literal["particles"] | None
+    """Of the coated particles in the bed at rest; "particles": as a simulated bed packs them."""
     measurements: tuple[Measurement, ...]
-
-
-@dataclass(frozen=True)
-class FittedParameter:
-    """A fitted quantity: its label, the parameter it sets, where, and its log-normal prior."""
-
-    label: str
-    name: str
-    samples: tuple[str, ...]
-    median: float
-    log_standard_deviation: float
+    times: tuple[float, ...] = ()
+    """Of the points of its curve, (T,) in s."""
 
 
 @dataclass(frozen=True)
@@ -150,35 +173,69 @@ class Experiment:
 
     name: str
     samples: tuple[Sample, ...]
-    parameters: tuple[FittedParameter, ...]
+    parameters: tuple[Fitted, ...]
+    held: tuple[tuple[str, str, float], ...] = ()
+    """Sample, name and value of what the experiment holds at another value than the recipe."""
 
     @classmethod
     def load(cls, source: str | Path) -> "Experiment":
         """A bundled experiment by name (`fang2005`) or a TOML file by path.
 
         Raises:
-          InputError: the file, a value in it, or a recipe it names cannot be used.
+          InputError: the file, a value in it, a recipe or a curve it names cannot be used.
         """
         table, path = sheets.read(source, "calibrate.experiments", "experiment")
         sheet = sheets.validated(ExperimentSheet, table, str(source))
+        samples = tuple(_sample(sample, path.parent, str(source)) for sample in sheet.sample)
+        names = [sample.name for sample in samples]
+        for parameter in sheet.parameter:
+            for sample in samples:
+                if sample.name in (parameter.samples or names):
+                    _refuse(parameter.name, sample, sheet, str(source))
         return cls(
             sheet.name,
-            tuple(_sample(sample, path.parent, str(source)) for sample in sheet.sample),
+            samples,
             tuple(
-                fitted
+                one
                 for parameter in sheet.parameter
-                for fitted in _fitted(parameter, [sample.name for sample in sheet.sample])
+                if parameter.value is None
+                for one in fitted(parameter, names)
+            ),
+            tuple(
+                (name, parameter.name, parameter.value)
+                for parameter in sheet.parameter
+                if parameter.value is not None
+                for name in parameter.samples or names
             ),
         )
 
-    def parameters_of(self, sample: Sample, theta: dict) -> Parameters:
-        """The sample's parameters with the fitted values, by label, in their places."""
-        return sample.recipe.parameters().replace(
-            **{
-                fitted.name: theta[fitted.label]
-                for fitted in self.parameters
-                if sample.name in fitted.samples
-            }
+    def suspension_of(self, sample: Sample, theta: dict[str, ArrayLike]) -> Suspension:
+        """The sample with the held and the fitted values, by variable, in their places."""
+        held = {name: value for of, name, value in self.held if of == sample.name}
+        changes = {
+            one.name: one.value(theta[one.variable])
+            for one in self.parameters
+            if sample.name in one.samples
+        }
+        bed = None if sample.bed_fraction == "particles" else sample.bed_fraction
+        return suspension(sample.recipe, bed, held | changes)
+
+
+def _refuse(name: str, sample: Sample, sheet: ExperimentSheet, source: str) -> None:
+    """Passes where the sample has the quantity, once."""
+    at = f"{source}: parameter.name = {name!r}: sample {sample.name!r}"
+    try:
+        refuse_unknown(name, sample.recipe)
+    except InputError as error:
+        raise InputError(f"{at}: {error}") from None
+    of_sample = {
+        one.name for one in sheet.parameter if not one.samples or sample.name in one.samples
+    }
+    if name == "f_w" and (clash := sorted(one for one in of_sample if one.startswith(CLOSURE))):
+        raise InputError(f"{at}: f_w follows from {clash[0]}; fit one of the two")
+    if name == BED and sample.bed_fraction is not None:
+        raise InputError(
+            f"{at}: has bed_fraction = {sample.bed_fraction!r} of its own; take one of them away"
         )
 
 
@@ -199,19 +256,31 @@ def _sample(sheet: SampleSheet, folder: Path, source: str) -> Sample:
                 VELOCITY_UNITS[velocity.unit],
             )
         )
+    if final := sheet.final_ratio:
+        of = (final.value, final.standard_deviation, final.unit, RATIO_UNITS[final.unit])
+        measured.append(Measurement("final_ratio", *of))
+    times: tuple[float, ...] = ()
+    if sheet.curve:
+        if sheet.height is None:
+            raise InputError(
+                f"{source}: sample {sheet.name!r}: height is missing; give that of the suspension "
+                "in its tube in m, which a curve needs"
+            )
+        read = curve.read(sheet.curve, folder)
+        times = tuple(read.times)
+        measured += [
+            Measurement(read.observable, value, error, read.unit, read.si, place)
+            for place, (value, error) in enumerate(zip(read.values, read.errors, strict=True))
+        ]
     if ratio := sheet.viscosity_ratio:
         measured.append(
             Measurement("viscosity_ratio", ratio.value, ratio.standard_deviation, "1", 1.0)
         )
-    return Sample(sheet.name, recipe, tuple(measured))
-
-
-def _fitted(sheet: ParameterSheet, names: list[str]) -> list[FittedParameter]:
-    samples = tuple(sheet.samples or names)
-    prior = (sheet.median, sheet.log_standard_deviation)
-    if sheet.per_sample:
-        return [
-            FittedParameter(f"{sheet.name}[{sample}]", sheet.name, (sample,), *prior)
-            for sample in samples
-        ]
-    return [FittedParameter(sheet.name, sheet.name, samples, *prior)]
+    return Sample(
+        sheet.name,
+        recipe,
+        recipe.box.height if sheet.height is None else sheet.height,
+        sheet.bed_fraction,
+        tuple(measured),
+        times,
+    )

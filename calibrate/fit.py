@@ -6,8 +6,11 @@ factors is a sum and a log-normal prior one more residual. The search finds the 
 and the last digits need the Levenberg-Marquardt finish.
 """
 
+import json
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import lru_cache, partial
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import equinox
@@ -20,14 +23,18 @@ from jax import Array
 from jax.flatten_util import ravel_pytree
 from tqdm import tqdm
 
+from mrjax import files
 from mrjax.permissive import permissive
 
-CONVERGED_BELOW = 1e-8
+CONVERGED_BELOW = 1e-4
 """Expected gain in chi-squared of one more Gauss-Newton step at which a fit counts as converged:
-1e-4 of a standard deviation."""
+0.01 standard deviations. A smooth model ends far below it, one with kinks does not."""
 
-SEARCH_ENDS_BELOW = 1.0
-"""The same gain at which the search has found the valley: one standard deviation."""
+SEARCH_ENDS_WITHIN = 0.7
+"""Longest change of a logarithm in a Gauss-Newton step at which the search has found the valley: a
+factor of two."""
+SPREAD = 0.7
+"""Standard deviation of further starts about the first in each logarithm, where no prior says."""
 
 
 class LogNormal(NamedTuple):
@@ -59,6 +66,15 @@ class Fit:
     """Whether a further Gauss-Newton step would gain next to nothing."""
     model_runs: int
     """Evaluations of the residuals, each with their Jacobian or alone."""
+    robust: float | None = None
+    """Standard deviations beyond which residuals count linearly; those here are as they count."""
+    other_optima: tuple[tuple[float, np.ndarray], ...] = ()
+    """Where further starts ended otherwise: half the sum of squares and the values, (P,)."""
+    everything: Callable[[Array, Any], Array] | None = None
+    """Residuals of measurements and priors, (M + K,), for logarithms of the values, (P,), and
+    `given`."""
+    given: Any = None
+    """Data and priors, as `everything` takes them."""
 
     @property
     def chi_squared(self) -> float:
@@ -67,14 +83,19 @@ class Fit:
 
 
 def fit(
-    residuals: Callable[[Any], Array],
+    residuals: Callable[..., Array],
     start: Any,
     *,
+    data: Any = None,
     priors: dict[str, LogNormal] | None = None,
     optimizer: optax.GradientTransformation | None = None,
+    starts: int = 1,
+    seed: int = 0,
+    robust: float | None = None,
     search_steps: int = 60,
     finish_steps: int = 50,
     progress: bool = False,
+    checkpoint: Path | None = None,
 ) -> Fit:
     """Least squares with log-normal priors.
 
@@ -82,44 +103,54 @@ def fit(
       residuals: from a pytree like `start` to a vector (M,), in standard deviations. Traced by
         `jit` and differentiated forwards.
       start: a pytree of positive numbers, such as {"f_w": 49.0, "f_s": 1.1}.
+      data: arrays that `residuals` takes as its second argument; left out, it takes none. Fits to
+        other data of the same shapes share their compiled programs.
       priors: by name, where there are any.
-      optimizer: of the search, over the logarithms; left out, `optax.adam(0.05)`.
-      search_steps: most steps of the search; it ends sooner within a standard deviation of the
-        optimum.
+      optimizer: of the search, over the logarithms; left out, `optax.adam(0.3)`.
+      starts: searches side by side, the first from `start`, the others drawn about it from the
+        priors; the best is kept.
+      seed: of those others.
+      robust: residuals beyond this many standard deviations count linearly, not squared
+        (pseudo-Huber); left out, all are squared.
+      search_steps: most steps of the search; it ends sooner where the optimum is within a factor
+        of two in each value.
       finish_steps: most steps of Levenberg-Marquardt.
       progress: whether to show a bar.
+      checkpoint: a file that keeps the search; where it is there already, the search goes on from
+        it. Taken away at the end.
 
     Returns:
       a Fit; look at `converged` before using it.
 
     Raises:
-      ValueError: a start or prior that is not positive, or a prior for no parameter.
+      ValueError: a start or prior that is not positive, a prior for no parameter, or a checkpoint
+        of another fit.
     """
-    optimizer = optax.with_extra_args_support(optimizer or optax.adam(0.05))
+    optimizer = optax.with_extra_args_support(optimizer or optax.adam(0.3))
     names = _names(start)
     values, unravel = ravel_pytree(jax.tree.map(lambda leaf: jnp.asarray(leaf, float), start))
     _refuse_unusable(names, values, priors or {})
     median, precision = _prior_arrays(names, values, priors or {})
-    held = np.flatnonzero(precision)
-    weight = jnp.sqrt(precision[held])
-    measured = jax.jit(lambda logs: jnp.atleast_1d(residuals(unravel(jnp.exp(logs)))))
-
-    def everything(logs: Array) -> Array:
-        return jnp.concatenate([measured(logs), weight * (logs[held] - jnp.log(median[held]))])
-
-    def with_value(logs: Array) -> tuple[Array, Array]:
-        value = everything(logs)
-        return value, value
-
-    linearised = jax.jit(jax.jacfwd(with_value, has_aux=True))
-
+    held = tuple(int(place) for place in np.flatnonzero(precision))
+    places = np.array(held, int)
+    given = _Given(data, jnp.log(median[places]), jnp.sqrt(precision[places]))
+    shapes = tuple(jnp.shape(leaf) for leaf in jax.tree.leaves(start))
+    compiled = _compiled(residuals, jax.tree.structure(start), shapes, held, robust, data is None)
+    each = _starts(jnp.log(values), precision, starts, seed)
     with permissive():
-        logs, losses, runs = _search(
-            linearised, everything, jnp.log(values), optimizer, search_steps, progress
+        each, losses, runs = _search(
+            compiled, given, each, names, optimizer, search_steps, progress, checkpoint
         )
-        logs, finish_runs = _finish(everything, logs, finish_steps)
-        jacobian, value = linearised(logs)
+        ends = []
+        for logs in each:
+            end, finish_runs = _finish(compiled, given, logs, finish_steps)
+            runs += finish_runs
+            ends.append(end)
+    best, *others = sorted(ends, key=lambda end: end[0])
+    loss, logs, jacobian, value = best
     gain = _expected_gain(jacobian, value)
+    if checkpoint is not None:
+        checkpoint.unlink(missing_ok=True)
     count = value.shape[0] - len(held)
     return Fit(
         theta=unravel(jnp.exp(logs)),
@@ -128,60 +159,183 @@ def fit(
         residuals=np.asarray(value[:count]),
         jacobian=np.asarray(jacobian[:count]),
         prior_precision=np.asarray(precision),
-        loss=np.array([*losses, 0.5 * float(value @ value)]),
+        loss=np.array([*losses, loss]),
         converged=bool(np.isfinite(gain) and gain < CONVERGED_BELOW),
-        model_runs=runs + finish_runs + 1,
+        model_runs=runs,
+        robust=robust,
+        other_optima=tuple(
+            (other[0], np.exp(np.asarray(other[1])))
+            for other in others
+            if np.isfinite(other[0]) and other[0] - loss > 0.5  # by chi-squared of one
+        ),
+        everything=compiled.everything,
+        given=given,
     )
 
 
-def _search(linearised, everything, logs, optimizer, most_steps, progress):
-    """Optax over the logarithms, one value and Jacobian a step; logs, losses and runs."""
-    state = optimizer.init(logs)
-    losses, runs = [], 0
+class _Given(NamedTuple):
+    """What a compiled fit takes beside the values."""
 
-    def loss_of(logs: Array) -> Array:
-        value = everything(logs)
-        return 0.5 * value @ value
+    data: Any
+    median: Array  # logarithms of the priors' medians, (K,)
+    weight: Array  # 1 / log_standard_deviation of the priors, (K,)
+
+
+class _Compiled(NamedTuple):
+    """The programs of a fit: of logarithms, (P,), and what is given."""
+
+    everything: Callable[[Array, _Given], Array]  # residuals and priors, (M + K,)
+    linearised: Callable[[Array, _Given], tuple[Array, Array]]  # Jacobian and residuals
+    solve: Callable  # Levenberg-Marquardt
+
+
+@lru_cache(maxsize=16)
+def _compiled(
+    residuals: Callable[..., Array],
+    structure: Any,
+    shapes: tuple[tuple[int, ...], ...],
+    held: tuple[int, ...],
+    robust: float | None,
+    without_data: bool,
+) -> _Compiled:
+    """Those of residuals of a pytree of this structure, with priors on the `held` values."""
+    ends = np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1]
+    places = np.array(held, int)
+
+    def theta(logs: Array) -> Any:
+        parts = jnp.split(jnp.exp(logs), ends)
+        leaves = [jnp.reshape(part, shape) for part, shape in zip(parts, shapes, strict=True)]
+        return jax.tree.unflatten(structure, leaves)
 
     @jax.jit
-    def update(logs, state, value, jacobian):
+    def everything(logs: Array, given: _Given) -> Array:
+        found = residuals(theta(logs)) if without_data else residuals(theta(logs), given.data)
+        found = jnp.atleast_1d(found)
+        if robust is not None:
+            found = _pseudo_huber(found, robust)
+        return jnp.concatenate([found, given.weight * (logs[places] - given.median)])
+
+    def with_value(logs: Array, given: _Given) -> tuple[Array, Array]:
+        value = everything(logs, given)
+        return value, value
+
+    @equinox.filter_jit
+    def solve(solver, logs: Array, given: _Given, most_steps: int):
+        return optimistix.least_squares(
+            everything,
+            solver,
+            logs,
+            given,
+            options={"jac": "fwd"},
+            max_steps=most_steps,
+            throw=False,
+        )
+
+    return _Compiled(everything, jax.jit(jax.jacfwd(with_value, has_aux=True)), solve)
+
+
+def _pseudo_huber(residuals: Array, longest: float) -> Array:
+    """Residuals whose squares are 2 d^2 (sqrt(1 + (r/d)^2) - 1): r near zero, else sqrt(2 d r)."""
+    size = jnp.sqrt(1.0 + (residuals / longest) ** 2)
+    return residuals * jnp.sqrt(2.0 / (1.0 + size))
+
+
+def _starts(first: Array, precision: Array, starts: int, seed: int) -> Array:
+    """Logarithms where the searches begin, (S, P)."""
+    spread = jnp.where(precision > 0.0, 1.0 / jnp.sqrt(jnp.maximum(precision, 1e-300)), SPREAD)
+    drawn = jax.random.normal(jax.random.key(seed), (starts - 1, first.size), first.dtype)
+    return jnp.concatenate([first[None], first[None] + spread[None] * drawn])
+
+
+def _half_square(value: Array) -> float:
+    loss = 0.5 * float(value @ value)
+    return loss if np.isfinite(loss) else np.inf
+
+
+def _search(compiled, given, each, names, optimizer, most_steps, progress, checkpoint):
+    """Optax over the logarithms, (S, P), until all are in a valley; they, best losses and runs."""
+    state = jax.vmap(optimizer.init)(each)
+    losses, runs, done = [], 0, 0
+    if checkpoint is not None and checkpoint.exists():
+        each, losses, runs, done = _resumed(checkpoint, names, each)
+
+    def loss_of(logs: Array) -> Array:
+        value = compiled.everything(logs, given)
+        return 0.5 * value @ value
+
+    def updated(logs, state, value, jacobian):
         gradient = jacobian.T @ value
         change, state = optimizer.update(
             gradient, state, logs, value=0.5 * value @ value, grad=gradient, value_fn=loss_of
         )
         return optax.apply_updates(logs, change), state
 
-    bar = tqdm(range(most_steps), desc="search", disable=not progress, leave=False)
-    for _ in bar:
-        jacobian, value = linearised(logs)
-        runs += 1
-        losses.append(0.5 * float(value @ value))
+    # One start is not mapped: a forward model may be slower that way.
+    update = jax.jit(jax.vmap(updated)) if len(each) > 1 else _of_one(jax.jit(updated))
+    linear = partial(compiled.linearised, given=given)
+    linear = jax.jit(jax.vmap(linear)) if len(each) > 1 else _of_one(linear)
+    bar = tqdm(range(done, most_steps), desc="search", disable=not progress, leave=False)
+    for step in bar:
+        jacobian, value = linear(each)
+        runs += len(each)
+        losses.append(min(_half_square(one) for one in value))
         bar.set_postfix(loss=f"{losses[-1]:.3g}")
-        if not np.isfinite(losses[-1]) or _expected_gain(jacobian, value) < SEARCH_ENDS_BELOW:
+        far = [_newton_step(*one) for one in zip(jacobian, value, strict=True)]
+        if not any(SEARCH_ENDS_WITHIN < one < np.inf for one in far):
             break
-        logs, state = update(logs, state, value, jacobian)
-    return logs, losses, runs
+        each, state = update(each, state, value, jacobian)
+        if checkpoint is not None:
+            kept = {"names": names, "logs": each, "losses": losses, "runs": runs, "step": step + 1}
+            files.write_json(checkpoint, kept)
+    return each, losses, runs
 
 
-def _finish(everything, logs, most_steps):
-    """Levenberg-Marquardt (optimistix); logs and runs."""
-    solver = optimistix.LevenbergMarquardt(rtol=1e-10, atol=1e-10)
+def _of_one(function):
+    """Over a leading axis of one, without mapping."""
 
-    @equinox.filter_jit
-    def solve(logs: Array):
-        return optimistix.least_squares(
-            lambda logs, _: everything(logs),
-            solver,
-            logs,
-            options={"jac": "fwd"},
-            max_steps=most_steps,
-            throw=False,
-        )
+    def of_one(*arguments):
+        found = function(*jax.tree.map(lambda leaf: leaf[0], arguments))
+        return jax.tree.map(lambda leaf: leaf[None], found)
 
-    solution = solve(logs)
-    better = solution.value
-    usable = bool(jnp.all(jnp.isfinite(better)))
-    return (better if usable else logs), int(solution.stats["num_steps"])
+    return of_one
+
+
+def _resumed(checkpoint: Path, names: tuple[str, ...], each: Array):
+    try:
+        kept = json.loads(checkpoint.read_text("utf-8"))
+        logs = jnp.asarray(kept["logs"], each.dtype)
+        if tuple(kept["names"]) != names or logs.shape != each.shape:
+            raise ValueError
+        return logs, list(kept["losses"]), int(kept["runs"]), int(kept["step"])
+    except (ValueError, KeyError, TypeError):
+        raise ValueError(
+            f"{checkpoint}: is of another fit; take it away, or give another folder"
+        ) from None
+
+
+def _finish(compiled, given, logs, most_steps):
+    """Levenberg-Marquardt (optimistix), tighter until converged; the end and the runs."""
+    runs = 0
+    # At the tighter one it may go on for long in the rounding of a fit that has long converged.
+    for tolerance in (1e-6, 1e-10):
+        solver = optimistix.LevenbergMarquardt(rtol=tolerance, atol=tolerance)
+        solution = compiled.solve(solver, logs, given, most_steps)
+        runs += int(solution.stats["num_steps"]) + 1
+        if jnp.all(jnp.isfinite(solution.value)):
+            logs = solution.value
+        jacobian, value = compiled.linearised(logs, given)
+        if _expected_gain(jacobian, value) < CONVERGED_BELOW:
+            break
+    return (_half_square(value), logs, jacobian, value), runs
+
+
+def _newton_step(jacobian: Array, value: Array) -> float:
+    """Longest change of a logarithm in one Gauss-Newton step; infinite where that is unknown."""
+    jacobian, value = np.asarray(jacobian, float), np.asarray(value, float)
+    if not (np.isfinite(jacobian).all() and np.isfinite(value).all()):
+        return np.inf
+    step, *_ = np.linalg.lstsq(jacobian, -value, rcond=1e-10)
+    return float(np.max(np.abs(step), initial=0.0))
 
 
 def _expected_gain(jacobian: Array, value: Array) -> float:

@@ -123,15 +123,30 @@ def _tidy(basis: np.ndarray) -> np.ndarray:
     return np.where(np.abs(simple - rows) < SIMPLE_WITHIN, simple, rows)
 
 
-def _standard_errors(fit: Fit) -> dict[str, float]:
-    """From the curvature of data and priors together; logarithmic errors times the values."""
-    information = fit.jacobian.T @ fit.jacobian + np.diag(fit.prior_precision)
+def information(fit: Fit) -> np.ndarray:
+    """Half the curvature of chi-squared, data and priors together, in the logarithms; (P, P)."""
+    return fit.jacobian.T @ fit.jacobian + np.diag(fit.prior_precision)
+
+
+def covariance(information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of the logarithms, (P, P), and the directions that nothing bounds and it leaves out, (P, K).
+
+    Args:
+      information: (P, P).
+    """
     strength, directions = np.linalg.eigh(information)
     lost = strength < RANK_TOLERANCE**2 * max(strength[-1], np.finfo(float).tiny)
     variance = np.where(lost, 0.0, 1.0 / np.where(lost, 1.0, strength))
-    errors = np.sqrt(directions**2 @ variance)
-    unknown = np.sum(directions[:, lost] ** 2, axis=1) > RANK_TOLERANCE
+    return (directions * variance) @ directions.T, directions[:, lost]
+
+
+def _standard_errors(fit: Fit) -> dict[str, float]:
+    """From the curvature of data and priors together; logarithmic errors times the values."""
+    spread, unbounded = covariance(information(fit))
+    unknown = np.sum(unbounded**2, axis=1) > RANK_TOLERANCE
     return {
         name: float(np.inf if none else value * error)
-        for name, value, error, none in zip(fit.names, fit.values, errors, unknown, strict=True)
+        for name, value, error, none in zip(
+            fit.names, fit.values, np.sqrt(np.diag(spread)), unknown, strict=True
+        )
     }

@@ -1,17 +1,22 @@
-"""Forward models: from the parameters of a sample to what was measured on it.
+"""Forward models: from a suspension to what was measured on it.
 
-Each takes a recipe, and the parameters near which it will be asked, and gives a function of
-`Parameters` to predictions in SI units. What does not depend on the parameters is done once.
+Each takes a sample, the suspension near which it will be asked, a seed, and the names of what will
+vary; it gives a function of a `Suspension` to predictions in SI units. What does not depend on what
+varies is done once.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 import mrjax
-from mrjax import Parameters, Recipe, checks, particle, timestep
+from calibrate.data import Sample
+from calibrate.suspension import BED, CLOSURE, Suspension
+from mrjax import InputError, checks, observe, particle, timestep
+from mrjax.sedimentation import OVERLAP
 
 RELAXATIONS = 40
 """Length of a run, and its number of steps: the start is forgotten to e^-40, and to 1e-5 where
@@ -20,51 +25,212 @@ the fit ends at a drag 3 times smaller. The fall is exact at any step."""
 MARGIN = 10.0
 """How much faster than expected the particles may fall before they could meet within a run."""
 
+CELLS = 400
+"""Of a column: its mudline is then within 0.2 % of the height where layers spread, else exact."""
+
+STEPS_TO_SPARE = 3
+"""How many times faster than where it starts a fit may make the particles fall."""
+
+TIME_SCALES = ("f_w", "f_s", "f_v", "viscosity", "gravity", "particle_density", "fluid_density")
+"""What changes the speed of an overdamped settling suspension and not its path."""
+
 Prediction = dict[str, Array]
-ForwardModel = Callable[[Parameters], Prediction]
+ForwardModel = Callable[[Suspension], Prediction]
 
 
-def closed_form(recipe: Recipe, near: Parameters, seed: int = 0) -> ForwardModel:
-    """The terminal velocity of a particle with its corrected drag (Eq. 27), mean over sizes."""
+def closed_form(
+    sample: Sample, near: Suspension, seed: int = 0, varied: tuple[str, ...] = ()
+) -> ForwardModel:
+    """Eq. 27 for the velocity, and the two asymptotes of Fig. 4 for the curve.
 
-    def predict(parameters: Parameters) -> Prediction:
-        return {
-            "initial_velocity": jnp.mean(mrjax.terminal_velocity(parameters)),
-            "viscosity_ratio": parameters.f_v,
-        }
+    h / h_0 = max(1 - v t / h_0, phi_0 / phi_bed): the mudline falls at its initial velocity until
+    all lies in the bed. Exact where drag is not local and the bed does not yield.
+
+    Raises:
+      InputError: a bed is asked for, and its volume fraction is not known.
+    """
+    bed = _bed(sample, near, seed, varied)
+    times = jnp.asarray(sample.times, float)
+
+    def predict(suspension: Suspension) -> Prediction:
+        velocity = jnp.mean(mrjax.terminal_velocity(suspension.parameters))
+        final = _final_ratio(suspension, bed)
+        ratio = jnp.maximum(1.0 - velocity * times / sample.height, final)
+        return _of(sample, suspension, velocity, final, ratio)
 
     return predict
 
 
-def particles(recipe: Recipe, near: Parameters, seed: int = 0) -> ForwardModel:
-    """The settling velocity that a simulation of all particles of the box shows.
+def column(
+    sample: Sample, near: Suspension, seed: int = 0, varied: tuple[str, ...] = ()
+) -> ForwardModel:
+    """The tube as a column of layers, each with the drag of its own volume fraction (Kynch 1952).
+
+    Without local drag in the recipe it is the closed form, by finite volumes.
 
     Raises:
-      InputError: the particles cannot be dispersed in the box.
+      InputError: the volume fraction of the bed is not known.
     """
+    bed = _bed(sample, near, seed, varied)
+    known = None if not sample.times else replace(near, bed_fraction=_either(near, bed))
+    steps = None if known is None else mrjax.column_steps(**_tube(sample, known))
+    if steps is not None:
+        steps *= STEPS_TO_SPARE
+
+    def predict(suspension: Suspension) -> Prediction:
+        velocity = jnp.mean(mrjax.terminal_velocity(suspension.parameters))
+        final = _final_ratio(suspension, bed)
+        ratio = jnp.zeros(0)
+        if sample.times:
+            whole = replace(suspension, bed_fraction=_either(suspension, bed))
+            ratio = mrjax.column(**_tube(sample, whole), steps=steps).mudline / sample.height
+        return _of(sample, suspension, velocity, final, ratio)
+
+    return predict
+
+
+def particles(
+    sample: Sample, near: Suspension, seed: int = 0, varied: tuple[str, ...] = ()
+) -> ForwardModel:
+    """What a simulation of all particles of the recipe's box shows.
+
+    A curve, and a final ratio where no bed fraction is given, come from one run to rest: without
+    inertia, what changes the falling velocity v changes a curve's times by 1 / v and nothing else,
+    and a tube H high takes H / h times as long as a box h high.
+
+    Raises:
+      InputError: the particles cannot be dispersed in the box, or something varies that would
+        change the path of a curve.
+    """
+    recipe, parameters = sample.recipe, near.parameters
     state = mrjax.disperse(recipe, seed)
-    relaxation = float(timestep.relaxation_time(near).max())
+    relaxation = float(timestep.relaxation_time(parameters).max())
     duration = RELAXATIONS * relaxation
-    travel = MARGIN * float(mrjax.terminal_velocity(near).max()) * duration
-    radius = np.asarray(particle.outer_radius(near))
+    falling = mrjax.terminal_velocity(parameters)
+    travel = MARGIN * float(falling.max()) * duration
+    radius = np.asarray(particle.outer_radius(parameters))
     apart = not checks.may_touch(
         np.asarray(state.position), radius, recipe.box, 2 * travel, state.contact_diameter
     )
+    times = jnp.asarray(sample.times, float)
+    if sample.times and near.bed_fraction is not None:
+        raise InputError(
+            f"sample {sample.name!r}: the particles of a curve pack as they will; take {BED} away, "
+            "or fit with another model"
+        )
+    simulated = _needs_a_bed(sample) and near.bed_fraction is None
+    if simulated:
+        _refuse_other_paths(sample, varied)
+        whole = _to_rest(sample, near, seed)
+        ratios = observe.sedimentation_ratio(whole)
 
-    def predict(parameters: Parameters) -> Prediction:
+    def predict(suspension: Suspension) -> Prediction:
+        parameters = suspension.parameters
         if apart:  # friction would change nothing, and take twice as long to compile
             parameters = parameters.replace(friction=0.0, rolling_friction=0.0)
-        run = mrjax.simulate(state, parameters, recipe.box, duration=duration, time_step=relaxation)
-        return {
-            "initial_velocity": mrjax.settling_velocity(run),
-            "viscosity_ratio": parameters.f_v,
-        }
+        run = mrjax.simulate(
+            state,
+            parameters,
+            recipe.box,
+            duration=duration,
+            time_step=relaxation,
+            hindrance=suspension.hindrance,
+        )
+        velocity = mrjax.settling_velocity(run)
+        if not simulated:
+            return _of(sample, suspension, velocity, _final_ratio(suspension, None), times)
+        faster = jnp.mean(mrjax.terminal_velocity(suspension.parameters)) / jnp.mean(falling)
+        scaled = times * faster * (recipe.box.height / sample.height)
+        ratio = jnp.interp(scaled, whole.times, ratios)
+        return _of(sample, suspension, velocity, ratios[-1], ratio)
 
     return predict
 
 
 FORWARD_MODELS: dict[str, Callable[..., ForwardModel]] = {
     "closed-form": closed_form,
+    "column": column,
     "particles": particles,
 }
 """The forward models by the names of the command line."""
+
+
+def _of(
+    sample: Sample, suspension: Suspension, velocity: Array, final: Array, ratio: Array
+) -> Prediction:
+    return {
+        "initial_velocity": velocity,
+        "final_ratio": final,
+        "sedimentation_ratio": ratio,
+        "mudline": sample.height * ratio,
+        "viscosity_ratio": suspension.parameters.f_v,
+    }
+
+
+def _tube(sample: Sample, suspension: Suspension) -> dict:
+    return {
+        "parameters": suspension.parameters,
+        "height": sample.height,
+        "volume_fraction": suspension.volume_fraction,
+        "bed_fraction": suspension.bed_fraction,
+        "times": jnp.asarray(sample.times, float),
+        "hindrance": suspension.hindrance,
+        "cells": CELLS,
+    }
+
+
+def _needs_a_bed(sample: Sample) -> bool:
+    of_bed = {"final_ratio", "sedimentation_ratio", "mudline"}
+    return any(one.observable in of_bed for one in sample.measurements)
+
+
+def _either(suspension: Suspension, bed: float | None) -> Array:
+    """What varies, or else what was simulated."""
+    return suspension.bed_fraction if bed is None else jnp.asarray(bed, float)
+
+
+def _final_ratio(suspension: Suspension, bed: float | None) -> Array:
+    """phi_0 / phi_bed: all that was dispersed lies in the bed; 1."""
+    fraction = _either(suspension, bed)
+    return jnp.nan if fraction is None else suspension.volume_fraction / fraction
+
+
+def _bed(sample: Sample, near: Suspension, seed: int, varied: tuple[str, ...]) -> float | None:
+    """The volume fraction of the bed where a simulation gives it, once; else None."""
+    if not _needs_a_bed(sample):
+        return None
+    if sample.bed_fraction == "particles":
+        _refuse_other_paths(sample, varied)
+        # Of a uniform bed; the top of a box of few particles is that of one of them.
+        ratio = observe.sedimentation_ratio(_to_rest(sample, near, seed), "twice-centre-of-mass")
+        return float(near.volume_fraction / ratio[-1])
+    if near.bed_fraction is None:
+        raise InputError(
+            f"sample {sample.name!r}: how densely its bed lies is not known; give bed_fraction, "
+            f'bed_fraction = "particles", or a [[parameter]] named {BED}'
+        )
+    if not float(near.volume_fraction) < float(near.bed_fraction):
+        raise InputError(
+            f"sample {sample.name!r}: {BED} = {float(near.bed_fraction):g} must be above that of "
+            f"its suspension, {float(near.volume_fraction):.4g}"
+        )
+    return None
+
+
+def _to_rest(sample: Sample, near: Suspension, seed: int) -> mrjax.Run:
+    recipe = sample.recipe
+    soft = mrjax.softened(near.parameters, recipe.box, recipe.particle_count, OVERLAP)
+    return mrjax.settle(mrjax.disperse(recipe, seed), soft, recipe.box, hindrance=near.hindrance)
+
+
+def _refuse_other_paths(sample: Sample, varied: tuple[str, ...]) -> None:
+    """Passes where what varies changes only how fast the simulated bed forms."""
+    local = sample.recipe.drag.local
+    for name in varied:
+        if name in TIME_SCALES or (name.startswith(CLOSURE) and not local):
+            continue
+        raise InputError(
+            f"sample {sample.name!r}: {name} changes the path of particles into their bed, which a "
+            f"fit simulates once; hold it, or fit with another model: only "
+            f"{', '.join(TIME_SCALES)} may vary here"
+        )

@@ -1,40 +1,41 @@
-"""What a fit found: JSON for programs, Markdown and figures for people."""
+"""What a fit found: JSON for programs, Markdown and one HTML page for people."""
 
+import base64
+import html
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from markdown_it import MarkdownIt
 from matplotlib.figure import Figure
 
 from calibrate.fit import Fit
-from calibrate.identify import Identification, expression
+from calibrate.forecast import Forecast
+from calibrate.identify import Identification, covariance, expression, information
+from calibrate.plots import CURVES
+from calibrate.posterior import Posterior
+from calibrate.profile import LEVELS, Profile
 from calibrate.residuals import Problem
 from mrjax import files
 
-CHI_SQUARED_PER_MEASUREMENT = 4.0
-"""Above this, two standard deviations each, a fit is called a misfit."""
+LARGEST_CHI_SQUARED = 4.0
+"""Of a degree of freedom, two standard deviations each: beyond it a fit is called a misfit."""
 
 
 def summary(
-    problem: Problem, fit: Fit, found: Identification, predicted: np.ndarray
+    problem: Problem,
+    fit: Fit,
+    found: Identification,
+    predicted: np.ndarray,
+    profiles: tuple[Profile, ...] = (),
+    samples: Posterior | None = None,
 ) -> dict[str, Any]:
     """Everything a fit found, as plain tables. `predicted` is `problem.predict`, (M,)."""
-    spreads = np.array([one.standard_deviation for _, one in problem.measurements])
-    exponents = fit.jacobian * (spreads / predicted)[:, None]
-    samples = {one.label: list(one.samples) for one in problem.experiment.parameters}
+    free = max(1, len(predicted) - len(found.combinations))
+    labels = {one.variable: one.label for one in problem.experiment.parameters}
     return {
         "converged": fit.converged,
-        "parameters": {
-            name: {
-                "value": value,
-                "standard_error": found.standard_errors[name],
-                "determined": found.determined[name],
-                "samples": samples[name],
-                "prior_median": problem.priors[name].median,
-                "prior_log_standard_deviation": problem.priors[name].log_standard_deviation,
-            }
-            for name, value in zip(fit.names, fit.values, strict=True)
-        },
+        "parameters": _parameters(problem, fit, found, profiles, samples),
         "determined_combinations": [
             {
                 "expression": one.expression,
@@ -45,31 +46,106 @@ def summary(
             for one in found.combinations
         ],
         "null_directions": list(found.null_directions),
-        "carried_by_priors_alone": [name for name in fit.names if not found.determined[name]],
-        "predictions": [
-            {
-                "sample": sample.name,
-                "observable": one.observable,
-                "measured": one.value,
-                "sigma": one.standard_deviation,
-                "predicted": value,
-                "unit": one.unit,
-                "varies_as": expression(fit.names, np.round(row, 6)),
-            }
-            for (sample, one), value, row in zip(
-                problem.measurements, predicted, exponents, strict=True
-            )
-        ],
+        "carried_by_priors_alone": [labels[n] for n in fit.names if not found.determined[n]],
+        "predictions": _predictions(problem, fit, predicted),
         "notes": [
             f"sample {sample.name}: {note}"
             for sample in problem.experiment.samples
             for note in sample.recipe.notes
         ],
         "chi_squared": fit.chi_squared,
-        "misfit": fit.chi_squared > CHI_SQUARED_PER_MEASUREMENT * len(predicted),
+        "degrees_of_freedom": len(predicted) - len(found.combinations),
+        "reduced_chi_squared": fit.chi_squared / free,
+        "misfit": fit.chi_squared / free > LARGEST_CHI_SQUARED,
+        "robust": fit.robust,
         "singular_values": found.singular_values,
         "model_runs": fit.model_runs,
+        "other_optima": [
+            {"half_sum_of_squares": loss, "values": dict(zip(fit.names, values, strict=True))}
+            for loss, values in fit.other_optima
+        ],
+        "posterior": None
+        if samples is None
+        else {
+            "converged": samples.converged,
+            "r_hat": samples.r_hat.max(),
+            "effective_samples": samples.effective.min(),
+            "divergences": samples.divergences,
+        },
     }
+
+
+def _parameters(
+    problem: Problem,
+    fit: Fit,
+    found: Identification,
+    profiles: tuple[Profile, ...],
+    samples: Posterior | None,
+) -> dict[str, dict[str, Any]]:
+    """Of every fitted value, in its own unit, by label."""
+    profile_of = {one.name: one for one in profiles}
+    table = {}
+    for place, one in enumerate(problem.experiment.parameters):
+        x = fit.values[place]
+        row = {
+            "value": one.value(x),
+            "standard_error": found.standard_errors[one.variable] * one.per_log(x) / x,
+            "determined": found.determined[one.variable],
+            "samples": list(one.samples),
+            "prior_median": one.median,
+            "prior_log_standard_deviation": one.log_standard_deviation,
+            "bounds": one.bounds,
+            "profile": None,
+            "posterior": None,
+        }
+        if one.variable in profile_of:
+            row["profile"] = {
+                coverage: [_at_end(one, end) for end in ends]
+                for coverage, ends in profile_of[one.variable].intervals.items()
+            }
+        if samples is not None:
+            drawn = one.value(samples.samples[:, place])
+            row["posterior"] = {
+                "median": np.median(drawn),
+                "standard_deviation": drawn.std(),
+                **{f"{q:g} %": np.percentile(drawn, q) for q in (2.5, 16, 84, 97.5)},
+            }
+        table[one.label] = row
+    return table
+
+
+def _at_end(one, x: float) -> float:
+    if np.isfinite(x):
+        return one.value(x)
+    return one.bounds[1] if one.bounds else np.inf
+
+
+def _predictions(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[dict[str, Any]]:
+    """A line for each measurement, both in its unit."""
+    spreads = np.array([one.standard_deviation for _, one in problem.measurements])
+    exponents = fit.jacobian * (spreads / predicted)[:, None]
+    known, _ = covariance(information(fit))
+    errors = spreads * np.sqrt(np.einsum("mp,pq,mq->m", fit.jacobian, known, fit.jacobian))
+    return [
+        {
+            "sample": sample.name,
+            "observable": one.observable,
+            "measured": one.value,
+            "sigma": one.standard_deviation,
+            "predicted": value,
+            "predicted_error": error,
+            "unit": one.unit,
+            **({} if one.place is None else {"time_s": sample.times[one.place]}),
+            **(
+                {"varies_as": expression(fit.names, np.round(row, 6))}
+                if one.place is None and fit.robust is None
+                else {}
+            ),
+        }
+        for (sample, one), value, error, row in zip(
+            problem.measurements, predicted, errors, exponents, strict=True
+        )
+    ]
 
 
 def in_words(result: dict[str, Any]) -> list[str]:
@@ -79,6 +155,7 @@ def in_words(result: dict[str, Any]) -> list[str]:
         f"The {_spelled(one['observable'])} of sample {one['sample']} varies as "
         f"{one['varies_as']}: only that product of powers can be read from it."
         for one in result["predictions"]
+        if one.get("varies_as", "1") != "1"
     ]
     lines.append(
         f"Of the {len(parameters)} fitted values the data determine {len(combinations)} "
@@ -96,7 +173,8 @@ def in_words(result: dict[str, Any]) -> list[str]:
     if result["misfit"]:
         lines.append(
             f"The data do not agree with the model, or with each other: chi-squared is "
-            f"{result['chi_squared']:.3g} for {len(result['predictions'])} measurements."
+            f"{result['chi_squared']:.3g} for {len(result['predictions'])} measurements, "
+            f"{result['reduced_chi_squared']:.3g} for each degree of freedom."
         )
     lines += [
         f"One `{label}` is taken for samples {', '.join(one['samples'])}."
@@ -113,8 +191,12 @@ def in_words(result: dict[str, Any]) -> list[str]:
     return lines
 
 
-def markdown(name: str, model: str, result: dict[str, Any]) -> str:
+def markdown(name: str, model: str, result: dict[str, Any], figures: dict[str, Figure]) -> str:
     """The report of a fit."""
+
+    def shown(*names: str) -> str:
+        return "\n".join(f"![{name}]({name}.png)" for name in names if name in figures)
+
     verdict = (
         "The fit converged."
         if result["converged"]
@@ -125,14 +207,16 @@ def markdown(name: str, model: str, result: dict[str, Any]) -> str:
             " **The data do not agree with the model, or with each other, within their errors:** "
             "check values and units; the errors below do not allow for it."
         )
+    if result["other_optima"]:
+        verdict += f" {len(result['other_optima'])} of the starts ended in worse optima."
     predictions = files.markdown_table(
         ["sample", "observable", "measured", "predicted", "unit", "difference / sigma"],
         (
             [
                 one["sample"],
-                _spelled(one["observable"]),
+                _spelled(one["observable"]) + _when(one),
                 f"{one['measured']:g} ± {one['sigma']:g}",
-                f"{one['predicted']:.4g}",
+                _with_error(one["predicted"], one["predicted_error"]),
                 one["unit"],
                 f"{(one['predicted'] - one['measured']) / one['sigma']:+.2f}",
             ]
@@ -140,19 +224,15 @@ def markdown(name: str, model: str, result: dict[str, Any]) -> str:
         ),
     )
     parameters = files.markdown_table(
-        [
-            "parameter",
-            "one value for",
-            "fitted",
-            "prior: median, factor for one sigma",
-            "determined by the data",
-        ],
+        ["parameter", "one value for", "fitted", *LEVELS, "prior", "posterior", "determined"],
         (
             [
                 f"`{label}`",
                 f"sample{'s' if len(one['samples']) > 1 else ''} {', '.join(one['samples'])}",
                 _with_error(one["value"], one["standard_error"]),
-                f"{one['prior_median']:g}, {np.exp(one['prior_log_standard_deviation']):.3g}",
+                *(_range(one["profile"], coverage) for coverage in LEVELS),
+                _prior(one),
+                _sampled(one["posterior"]),
                 "yes" if one["determined"] else "no, prior only",
             ]
             for label, one in result["parameters"].items()
@@ -162,13 +242,14 @@ def markdown(name: str, model: str, result: dict[str, Any]) -> str:
     words = "\n".join(line if line.startswith("-") else f"\n{line}" for line in in_words(result))
     return f"""# {name}, fitted with the {model} model
 
-{verdict} chi-squared {result["chi_squared"]:.3g} from {len(result["predictions"])} measurements;
-{result["model_runs"]} model runs, {result["wall_seconds"]:.0f} s.
+{verdict} chi-squared {result["chi_squared"]:.3g} from {len(result["predictions"])} measurements
+and {result["degrees_of_freedom"]} degrees of freedom; {result["model_runs"]} model runs,
+{result["wall_seconds"]:.0f} s.
 
 ## Predicted against measured
 
 {predictions}
-![predicted against measured](predictions.png)
+{shown("predictions", "curves", "residuals")}
 
 ## What the data determine
 {words}
@@ -177,72 +258,162 @@ def markdown(name: str, model: str, result: dict[str, Any]) -> str:
 
 {parameters}
 Errors are one standard deviation; of the values, data and priors together; of the combinations,
-the data alone. A fitted drag factor is a calibration constant: what the recipe leaves out, such as
-flocculation or a spread of sizes, is in it.
+the data alone. Intervals are those of the profile likelihood. A prior's second number is the factor
+of one standard deviation. A fitted drag factor is a calibration constant: what the recipe leaves
+out, such as flocculation or a spread of sizes, is in it.
 
+{shown("profiles", "posterior")}
+{_of_samples(result["posterior"])}{_left_out(result.get("left_out", []))}{_new(result.get("new"))}
 ## The search
 
-![loss](loss.png)
+{shown("loss")}
 
-The search overshoots and comes back, as Adam does; Levenberg-Marquardt finishes it.
+The search looks for the valley; Levenberg-Marquardt finishes it.
 {notes}"""
 
 
-def predictions_figure(result: dict[str, Any]) -> Figure:
-    """Measured values with their uncertainty, predicted ones beside them."""
-    rows = result["predictions"]
-    units = list(dict.fromkeys(one["unit"] for one in rows))
-    figure = Figure(figsize=(1.8 + 2.4 * len(units), 3.0), layout="constrained")
-    for axes, unit in zip(figure.subplots(1, len(units), squeeze=False)[0], units, strict=True):
-        of_unit = [one for one in rows if one["unit"] == unit]
-        places = np.arange(len(of_unit))
-        axes.errorbar(
-            places - 0.08,
-            [one["measured"] for one in of_unit],
-            [one["sigma"] for one in of_unit],
-            fmt="o",
-            color="black",
-            capsize=4,
-            label="measured",
-        )
-        axes.plot(
-            places + 0.08,
-            [one["predicted"] for one in of_unit],
-            "D",
-            color="0.55",
-            markeredgecolor="black",
-            label="predicted",
-        )
-        axes.set_xticks(
-            places, [f"{one['sample']}\n{_spelled(one['observable'])}" for one in of_unit]
-        )
-        axes.set_xlim(-0.6, len(of_unit) - 0.4)
-        highest = max(max(one["measured"] + one["sigma"], one["predicted"]) for one in of_unit)
-        axes.set_ylim(0, 1.15 * highest)  # room above the error bars
-        axes.set_ylabel("ratio" if unit == "1" else unit)
-    axes.legend(frameon=False)
-    return figure
-
-
-def loss_figure(fit: Fit) -> Figure:
-    """Half the sum of squares against the step of the search, and after the finish."""
-    figure = Figure(figsize=(4.2, 3.0), layout="constrained")
-    axes = figure.subplots()
-    search, end = fit.loss[:-1], fit.loss[-1]
-    axes.semilogy(search, ".-", color="0.4", label="search")
-    axes.semilogy([len(search)], [end], "D", color="black", label="finish")
-    axes.set_xlabel("step")
-    axes.set_ylabel("half the sum of squares,\ndata and priors")
-    axes.legend(frameon=False)
-    return figure
-
-
-def write(folder: Path, name: str, model: str, fit: Fit, result: dict[str, Any]) -> None:
-    """Writes `fit.json`, `report.md` and the figures."""
+def write(folder: Path, text: str, result: dict[str, Any], figures: dict[str, Figure]) -> None:
+    """Writes `fit.json`, `report.md` with its figures, and `report.html` with all in one file."""
     files.write_json(folder / "fit.json", result)
-    files.write_text(folder / "report.md", markdown(name, model, result))
-    predictions_figure(result).savefig(folder / "predictions.png", dpi=150)
-    loss_figure(fit).savefig(folder / "loss.png", dpi=150)
+    files.write_text(folder / "report.md", text)
+    embedded = text
+    for name, figure in figures.items():
+        figure.savefig(folder / f"{name}.png", dpi=150)
+        image = base64.b64encode((folder / f"{name}.png").read_bytes()).decode("ascii")
+        embedded = embedded.replace(f"({name}.png)", f"(data:image/png;base64,{image})")
+    files.write_text(folder / "report.html", _html(embedded))
+
+
+def _html(text: str) -> str:
+    """The report as one page that needs nothing else."""
+    renderer = MarkdownIt("commonmark").enable("table")
+    renderer.validateLink = lambda link: True  # images are data in the page itself
+    title = text.split("\n", 1)[0].removeprefix("# ")
+    return f"""<!DOCTYPE html>
+<html lang="en">
+<head><meta charset="utf-8"><title>{html.escape(title)}</title>
+<style>
+body {{ font: 16px/1.5 sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }}
+table {{ border-collapse: collapse; }}
+td, th {{ border-bottom: 1px solid #ccc; padding: 0.2rem 0.8rem; text-align: left; }}
+img {{ max-width: 100%; }}
+</style></head>
+<body>
+{renderer.render(text)}</body>
+</html>
+"""
+
+
+def forecasts(found: list[Forecast]) -> list[dict[str, Any]]:
+    """Predictions of samples that were not fitted, as plain tables."""
+    return [
+        {
+            "sample": one.sample,
+            "observable": one.measurement.observable,
+            "measured": one.measurement.value,
+            "sigma": one.measurement.standard_deviation,
+            "predicted": one.predicted,
+            "predicted_error": one.standard_error,
+            "unit": one.measurement.unit,
+            "difference_over_both_errors": one.off,
+        }
+        for one in found
+    ]
+
+
+def line(one: dict[str, Any]) -> str:
+    """A prediction of `forecasts`, as a sentence."""
+    text = (
+        f"{one['sample']}, not fitted: {_spelled(one['observable'])} "
+        f"{_with_error(one['predicted'], one['predicted_error'])} {one['unit']} predicted"
+    )
+    if not np.isfinite(one["measured"]):
+        return f"{text}."
+    off = one["predicted"] / one["measured"] - 1
+    return f"{text}, {one['measured']:g} ± {one['sigma']:g} measured ({off:+.0%})."
+
+
+def _left_out(rows: list[dict[str, Any]]) -> str:
+    if not rows:
+        return ""
+    table = files.markdown_table(
+        ["sample", "observable", "measured", "predicted", "unit", "error", "difference / errors"],
+        (
+            [
+                one["sample"],
+                _spelled(one["observable"]),
+                f"{one['measured']:g} ± {one['sigma']:g}",
+                _with_error(one["predicted"], one["predicted_error"]),
+                one["unit"],
+                f"{one['predicted'] / one['measured'] - 1:+.0%}",
+                f"{one['difference_over_both_errors']:+.2f}",
+            ]
+            for one in rows
+        ),
+    )
+    return f"""
+## Each sample predicted from the others
+
+What only this sample would tell is taken from its prior.
+
+{table}"""
+
+
+def _new(rows: list[dict[str, Any]] | None) -> str:
+    if not rows:
+        return ""
+    table = files.markdown_table(
+        ["recipe", "observable", "predicted", "unit"],
+        (
+            [
+                one["sample"],
+                _spelled(one["observable"]),
+                _with_error(one["predicted"], one["predicted_error"]),
+                one["unit"],
+            ]
+            for one in rows
+        ),
+    )
+    return f"\n## A new recipe\n\n{table}"
+
+
+def _of_samples(posterior: dict[str, Any] | None) -> str:
+    if posterior is None:
+        return ""
+    verdict = (
+        "The samples of the posterior agree between chains"
+        if posterior["converged"]
+        else "**The samples of the posterior have not converged: do not use them**"
+    )
+    return (
+        f"{verdict} (R-hat {posterior['r_hat']:.3f}, {posterior['effective_samples']:.0f} "
+        f"effective samples, {posterior['divergences']} divergences).\n"
+    )
+
+
+def _when(one: dict[str, Any]) -> str:
+    return f" at {one['time_s'] / 86400:.4g} days" if one["observable"] in CURVES else ""
+
+
+def _range(profile: dict[str, list[float]] | None, coverage: str) -> str:
+    if profile is None:
+        return "unbounded"
+    low, high = profile[coverage]
+    return f"{low:.4g} to {high:.4g}"
+
+
+def _prior(one: dict[str, Any]) -> str:
+    spread = one["prior_log_standard_deviation"]
+    within = f", {one['bounds'][0]:g} to {one['bounds'][1]:g}" if one["bounds"] else ""
+    if spread is None:
+        return f"none{within}"
+    return f"{one['prior_median']:g}, {np.exp(spread):.3g}{within}"
+
+
+def _sampled(posterior: dict[str, float] | None) -> str:
+    if posterior is None:
+        return ""
+    return _with_error(posterior["median"], posterior["standard_deviation"])
 
 
 def _spelled(observable: str) -> str:

@@ -4,6 +4,7 @@ from collections import OrderedDict
 from dataclasses import dataclass
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 from calibrate.data import Experiment, Measurement, Sample
@@ -28,12 +29,15 @@ class Problem:
         """
         if model not in FORWARD_MODELS:
             raise InputError(f"model = {model!r}: must be one of {', '.join(FORWARD_MODELS)}")
-        start = {fitted.label: fitted.median for fitted in experiment.parameters}
+        start = {fitted.variable: fitted.start for fitted in experiment.parameters}
         return cls(
             experiment,
             tuple(
                 FORWARD_MODELS[model](
-                    sample.recipe, experiment.parameters_of(sample, start).astype(float), seed
+                    sample,
+                    experiment.suspension_of(sample, start),
+                    seed,
+                    tuple(one.name for one in experiment.parameters if sample.name in one.samples),
                 )
                 for sample in experiment.samples
             ),
@@ -41,15 +45,14 @@ class Problem:
 
     @property
     def start(self) -> OrderedDict[str, float]:
-        """The medians of the priors, by label, in the order of the experiment."""
-        return OrderedDict((fitted.label, fitted.median) for fitted in self.experiment.parameters)
+        """The medians, by variable, in the order of the experiment."""
+        return OrderedDict((fitted.variable, fitted.start) for fitted in self.experiment.parameters)
 
     @property
     def priors(self) -> dict[str, LogNormal]:
-        """The priors, by label."""
+        """The priors, by variable, of those that have one."""
         return {
-            fitted.label: LogNormal(fitted.median, fitted.log_standard_deviation)
-            for fitted in self.experiment.parameters
+            fitted.variable: fitted.prior for fitted in self.experiment.parameters if fitted.prior
         }
 
     @property
@@ -61,12 +64,24 @@ class Problem:
         """What should have been measured, each in the unit of its measurement, (M,)."""
         predicted = []
         for sample, model in zip(self.experiment.samples, self.models, strict=True):
-            of_sample = model(self.experiment.parameters_of(sample, theta))
-            predicted += [of_sample[one.observable] / one.si for one in sample.measurements]
+            of_sample = model(self.experiment.suspension_of(sample, theta))
+            for one in sample.measurements:
+                value = of_sample[one.observable]
+                predicted.append((value if one.place is None else value[one.place]) / one.si)
         return jnp.stack([jnp.asarray(value, float) for value in predicted])
 
-    def residuals(self, theta: dict[str, Array]) -> Array:
-        """(prediction - measurement) / standard deviation, (M,)."""
-        measured = jnp.array([one.value for _, one in self.measurements])
+    @property
+    def measured(self) -> np.ndarray:
+        """The measured values, each in its unit, (M,)."""
+        return np.array([one.value for _, one in self.measurements])
+
+    def residuals(self, theta: dict[str, Array], measured: Array | None = None) -> Array:
+        """(prediction - measurement) / standard deviation, (M,).
+
+        Args:
+          theta: by variable.
+          measured: in place of the experiment's values, each in its unit, (M,).
+        """
+        measured = jnp.asarray(self.measured) if measured is None else measured
         spread = jnp.array([one.standard_deviation for _, one in self.measurements])
         return (self.predict(theta) - measured) / spread

@@ -3,6 +3,8 @@
 from importlib.metadata import version
 
 from mrjax.box import Box
+from mrjax.column import Column, column, column_steps
+from mrjax.compression import Compression
 from mrjax.concentration import bed_front, concentration
 from mrjax.disperse import disperse
 from mrjax.errors import InputError, SimulationError
@@ -32,6 +34,8 @@ __version__ = version("mrjax")
 __all__ = [
     "HEIGHTS",
     "Box",
+    "Column",
+    "Compression",
     "Contacts",
     "Fault",
     "InputError",
@@ -43,6 +47,8 @@ __all__ = [
     "State",
     "asymptotes",
     "bed_front",
+    "column",
+    "column_steps",
     "concentration",
     "contact_forces",
     "coordination_number",

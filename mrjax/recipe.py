@@ -305,7 +305,7 @@ class Recipe(Sheet):
         if isinstance(self.drag.f_w, float):
             return self.drag.f_w
         with jax.ensure_compile_time_eval():  # a sheet holds numbers, also where jit is tracing
-            return float(self._closure(self.coated_volume_fraction))
+            return float(self.closure(self.coated_volume_fraction))
 
     @property
     def hindrance(self) -> Hindrance | None:
@@ -313,10 +313,16 @@ class Recipe(Sheet):
 
         None unless the sheet asks for it with `local = true`.
         """
-        return self._closure if self.drag.local else None
+        return self.closure if self.drag.local else None
 
     @property
-    def _closure(self) -> Hindrance:
+    def closure(self) -> Hindrance | None:
+        """f_w for volume fractions, with the coefficients of the sheet; None where f_w is a number.
+
+        A `jax.tree_util.Partial` of one of `mrjax.drag.CLOSURES`.
+        """
+        if isinstance(self.drag.f_w, float):
+            return None
         sheet = {"closure": self.drag.f_w} if isinstance(self.drag.f_w, str) else self.drag.f_w
         coefficients = {key: value for key, value in sheet.items() if key != "closure"}
         return jax.tree_util.Partial(drag.CLOSURES[sheet["closure"]], **coefficients)

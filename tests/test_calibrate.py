@@ -10,6 +10,8 @@ import pytest
 import calibrate
 import mrjax
 from calibrate import Experiment, LogNormal, Problem
+from calibrate.data import Measurement, Sample
+from calibrate.suspension import Suspension, suspension
 from mrjax import drag
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
@@ -25,15 +27,20 @@ def check_fang(problem, fit):
     found = calibrate.identify(fit)
     assert fit.converged
     predicted = np.asarray(problem.predict(fit.theta))
-    assert np.all(np.abs(predicted - [8.0, 3.6]) < 0.1)
-    first, second = found.combinations
+    assert np.all(np.abs(predicted - [8.0, 78.0, 3.6, 90.0]) < [0.1, 1.0, 0.1, 1.0])
+    first, second, *beds = found.combinations
     assert (first.expression, second.expression) == ("f_w * f_s", "f_v")
+    assert [one.expression for one in beds] == ["bed_fraction[A]", "bed_fraction[B]"]
+    # phi_0 / ratio of the coated particles: 0.33724 / 0.78 and 0.31284 1.1^3 / 0.9.
+    for one, expected in zip(beds, (0.33724 / 0.78, 0.31284 * 1.331 / 0.9), strict=True):
+        assert abs(one.value - expected) < one.standard_error
     assert abs(first.value - 61.403) < first.standard_error
     assert first.standard_error == near(61.4 * 0.1 / 8.0, rel=0.01)
     needed = 48.985 * 1.1 * 1.68 * 4.8955 / 3.6 / 61.403
     assert abs(second.value - needed) < second.standard_error
     assert found.null_directions == ("f_w / f_s",)
-    assert found.determined == {"f_w": False, "f_s": False, "f_v": True}
+    alone = {"f_v", "bed_fraction[A]", "bed_fraction[B]"}
+    assert {name for name, known in found.determined.items() if known} == alone
     return fit
 
 
@@ -53,7 +60,8 @@ def test_fang_2005_by_both_models(fang):
 def test_fang_2005_from_three_times_off(fang):
     problem = Problem.prepare(fang, "closed-form")
     start = OrderedDict((name, 3 * value) for name, value in problem.start.items())
-    check_fang(problem, calibrate.fit(problem.residuals, start, priors=problem.priors))
+    fit = check_fang(problem, calibrate.fit(problem.residuals, start, priors=problem.priors))
+    assert fit.model_runs <= 15
 
 
 def synthetic(models, truth, fractions):
@@ -70,21 +78,29 @@ def synthetic(models, truth, fractions):
                 f_s=theta["f_s"],
                 f_v=theta["f_v"] if position == 2 else 1.0,
             )
-            predicted.append(model(parameters)["initial_velocity"])
+            suspension = Suspension(parameters, jnp.asarray(fraction), None, None)
+            predicted.append(model(suspension)["initial_velocity"])
         return jnp.stack(predicted)
 
     measured = velocities(OrderedDict((k, jnp.asarray(v)) for k, v in truth.items()))
     return lambda theta: (velocities(theta) / measured - 1.0) / 0.01
 
 
-@pytest.mark.parametrize("name", ["closed-form", "particles"])
+def velocity_of(recipe):
+    """A sample whose initial velocity was measured."""
+    measurement = Measurement("initial_velocity", 1.0, 1.0, "m/s", 1.0)
+    return Sample(recipe.name, recipe, recipe.box.height, None, (measurement,))
+
+
+@pytest.mark.parametrize("name", ["closed-form", "column", "particles"])
 def test_synthetic_recovery_where_the_data_separate_the_factors(name):
     """A dilute and a dense sample tell n from f_s; the third tells f_v. Noise-free."""
     truth = OrderedDict(n=5.6, f_s=1.23, f_v=1.9)
     recipes = [mrjax.Recipe.load("case2")] * 2 + [mrjax.Recipe.load("case3")]
-    near = [recipe.parameters().replace(f_w=5.0) for recipe in recipes]
     make = calibrate.FORWARD_MODELS[name]
-    models = [make(recipe, p) for recipe, p in zip(recipes, near, strict=True)]
+    models = [
+        make(velocity_of(recipe), suspension(recipe, None, {"f_w": 5.0})) for recipe in recipes
+    ]
     residuals = synthetic(models, truth, (0.02, 0.2, 0.35))
     fit = calibrate.fit(residuals, OrderedDict(n=3.0, f_s=2.0, f_v=1.0))
     assert fit.converged
@@ -194,7 +210,7 @@ log_standard_deviation = 0.5
         ("value = 8.0", "value = -8.0", ["value = -8.0", "above zero"]),
         ("value = 8.0", "value = nan", ["value = nan", "finite"]),
         (', unit = "mm/day"', "", ["unit is missing", "mm/day"]),
-        ('name = "f_w"', 'name = "f_q"', ["'f_q'", "f_w, f_s, f_v"]),
+        ('name = "f_w"', 'name = "f_q"', ["'f_q'", "no such quantity", "f_s, f_v"]),
         ('"case2"', '"case9"', ["sample 'A'", "recipe case9", "no such file"]),
         ("median = 50.0", "median = 50.0\nsamples = ['Z']", ["'Z'", "no such sample", "known: A"]),
         ("median = 50.0", "mediam = 50.0", ["mediam", "did you mean median"]),

@@ -1,0 +1,188 @@
+"""A measured sedimentation curve: a CSV file of time against mudline or sedimentation ratio.
+
+    time,mudline
+    0,100
+    1.5,92.1
+
+Units are declared in the experiment file; a third column, `standard_deviation`, gives each point
+its own error.
+"""
+
+import csv
+import math
+from pathlib import Path
+from typing import NamedTuple
+
+from pydantic import Field, field_validator
+
+from mrjax import InputError
+from mrjax.sheets import Sheet
+
+TIME_UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "day": 86400.0}
+"""Seconds in one unit."""
+HEIGHT_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
+"""Metres in one unit of the mudline."""
+RATIO_UNITS = {"1": 1.0, "%": 1e-2}
+"""One unit of the sedimentation ratio."""
+
+UNITS = {"mudline": HEIGHT_UNITS, "sedimentation_ratio": RATIO_UNITS}
+"""What a curve may be of, and in which units."""
+ERROR = "standard_deviation"
+
+
+class CurveSheet(Sheet):
+    """Where a curve is, and what its columns mean."""
+
+    file: str = Field(description="a CSV file, as a path from this file")
+    time_unit: str = Field(description=f"one of {', '.join(TIME_UNITS)}")
+    unit: str = Field(
+        description=f"of the mudline, one of {', '.join(HEIGHT_UNITS)}; of the ratio, 1 or %"
+    )
+    standard_deviation: float | None = Field(
+        default=None,
+        gt=0,
+        description="the uncertainty of every point in this unit, above zero",
+    )
+
+    @field_validator("time_unit")
+    @classmethod
+    def _known_time(cls, unit: str) -> str:
+        if unit not in TIME_UNITS:
+            raise ValueError(f"time_unit = {unit!r}: must be one of {', '.join(TIME_UNITS)}")
+        return unit
+
+    @field_validator("unit")
+    @classmethod
+    def _known(cls, unit: str) -> str:
+        if unit not in HEIGHT_UNITS | RATIO_UNITS:
+            known = ", ".join(HEIGHT_UNITS | RATIO_UNITS)
+            raise ValueError(f"unit = {unit!r}: must be one of {known}")
+        return unit
+
+
+class Curve(NamedTuple):
+    """A measured curve; T points."""
+
+    observable: str
+    """`mudline` or `sedimentation_ratio`."""
+    times: list[float]
+    """Increasing, (T,) in s."""
+    values: list[float]
+    """(T,) in `unit`."""
+    errors: list[float]
+    """Standard deviations, (T,) in `unit`."""
+    unit: str
+    si: float
+    """One unit in SI."""
+
+
+def read(sheet: CurveSheet, folder: Path) -> Curve:
+    """The curve of a sheet, every number checked.
+
+    Raises:
+      InputError: the file, its header or a row cannot be used: the file, the line and the remedy.
+    """
+    path = folder / sheet.file
+    rows = _rows(path)
+    header, *lines = rows if rows else [(1, [])]
+    columns = _columns(path, header[1], sheet)
+    if len(lines) < 2:
+        raise InputError(f"{path}: has {len(lines)} rows of numbers; give at least 2")
+    observable = next(name for name in UNITS if name in columns)
+    times, values, errors = [], [], []
+    for number, cells in lines:
+        at = f"{path}, line {number}"
+        if len(cells) != len(columns):
+            raise InputError(
+                f"{at}: has {len(cells)} cells for {len(columns)} columns; separate columns by "
+                "commas and write decimals with a point"
+            )
+        row = {name: _number(at, name, cell) for name, cell in zip(columns, cells, strict=True)}
+        error = row.get(ERROR, sheet.standard_deviation)
+        for name, value, least in (("time", row["time"], 0.0), (observable, row[observable], 0.0)):
+            if value < least:
+                raise InputError(f"{at}: {name} = {value:g} is negative; mend the row")
+        if not error > 0:
+            raise InputError(
+                f"{at}: {ERROR} = {error:g} must be above zero; give the error of the reading"
+            )
+        if times and not row["time"] > times[-1]:
+            raise InputError(
+                f"{at}: time = {row['time']:g} comes after {times[-1]:g}; sort the rows by time, "
+                "one for each time"
+            )
+        times.append(row["time"])
+        values.append(row[observable])
+        errors.append(error)
+    second = TIME_UNITS[sheet.time_unit]
+    return Curve(
+        observable,
+        [second * time for time in times],
+        values,
+        errors,
+        sheet.unit,
+        UNITS[observable][sheet.unit],
+    )
+
+
+def _rows(path: Path) -> list[tuple[int, list[str]]]:
+    """The cells of every line that is neither empty nor a comment, with its number."""
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; give the curve's CSV file") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: is not UTF-8 text; save the curve as a UTF-8 CSV") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from None
+    lines = enumerate(text.splitlines(), start=1)
+    kept = [(number, line) for number, line in lines if line.strip() and line.lstrip()[0] != "#"]
+    cells = csv.reader(line for _, line in kept)
+    return [
+        (number, [cell.strip() for cell in row])
+        for (number, _), row in zip(kept, cells, strict=True)
+    ]
+
+
+def _columns(path: Path, header: list[str], sheet: CurveSheet) -> list[str]:
+    if len(header) == 1 and ";" in header[0]:
+        raise InputError(
+            f"{path}, line 1: columns are separated by semicolons; save with commas, and decimals "
+            "with a point"
+        )
+    known = {"time", *UNITS, ERROR}
+    for name in header:
+        if name not in known:
+            raise InputError(
+                f"{path}, line 1: column {name!r} is not known; the header is time, then mudline "
+                f"or sedimentation_ratio, then {ERROR} if points have their own"
+            )
+    of_height = [name for name in header if name in UNITS]
+    if "time" not in header or len(of_height) != 1 or len(set(header)) != len(header):
+        raise InputError(
+            f"{path}, line 1: the header is {', '.join(header) or 'missing'}; give time and one of "
+            f"{' or '.join(UNITS)}"
+        )
+    if sheet.unit not in UNITS[of_height[0]]:
+        raise InputError(
+            f"{path}: unit = {sheet.unit!r} is none of a {of_height[0]}; give one of "
+            f"{', '.join(UNITS[of_height[0]])}"
+        )
+    if ERROR not in header and sheet.standard_deviation is None:
+        raise InputError(
+            f"{path}: no point has an error; give {ERROR} in the experiment file, or a column of it"
+        )
+    return header
+
+
+def _number(at: str, name: str, cell: str) -> float:
+    try:
+        value = float(cell)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(
+            f"{at}: {name} = {cell!r} is not a finite number; write decimals with a point, and "
+            "leave out rows without a reading"
+        )
+    return value

@@ -1,0 +1,1 @@
+"""Recipes and curves of the experiment `synthetic`, which no laboratory measured."""

@@ -1,0 +1,130 @@
+"""A quantity that is fitted: where it belongs, its range, and what is believed of it beforehand.
+
+The fit works with positive numbers x and their logarithms. A quantity that is positive and no more
+is its own x. One between bounds a and b has the odds x = (value - a) / (b - value).
+"""
+
+import math
+from dataclasses import dataclass
+
+from jax import Array
+from jax.typing import ArrayLike
+from pydantic import Field, model_validator
+
+from calibrate.fit import LogNormal
+from mrjax.sheets import Sheet
+
+
+class ParameterSheet(Sheet):
+    """A quantity to be fitted, or held at a value."""
+
+    name: str = Field(
+        description="a leaf of mrjax.Parameters such as f_s, a coefficient of the closure such as "
+        "f_w.exponent, or bed_fraction"
+    )
+    value: float | None = Field(default=None, gt=0, description="what it is held at, above zero")
+    median: float | None = Field(default=None, gt=0, description="the prior's median, above zero")
+    log_standard_deviation: float | None = Field(
+        default=None, gt=0, description="the standard deviation of its logarithm, above zero"
+    )
+    bounds: list[float] | None = Field(default=None, description="[lower, upper], or leave out")
+    standard_deviation: float | None = Field(
+        default=None, gt=0, description="of the prior between bounds, above zero"
+    )
+    samples: list[str] | None = Field(default=None, description="names of samples, or leave out")
+    per_sample: bool = Field(
+        default=False, description="true for a value of its own for each sample"
+    )
+
+    @model_validator(mode="after")
+    def _one_way(self):
+        at = f"parameter {self.name!r}"
+        if (self.value is None) == (self.median is None):
+            raise ValueError(
+                f"{at}: give either median, where the search begins, or value, to hold it"
+            )
+        prior = (self.bounds, self.log_standard_deviation, self.standard_deviation)
+        if self.value is not None and any(one is not None for one in prior):
+            raise ValueError(f"{at}: value = {self.value:g} holds it; leave out prior and bounds")
+        if self.bounds is None:
+            if self.standard_deviation is not None:
+                raise ValueError(
+                    f"{at}: standard_deviation = {self.standard_deviation:g} is for a parameter "
+                    "with bounds; give log_standard_deviation"
+                )
+            return self
+        if self.log_standard_deviation is not None:
+            raise ValueError(
+                f"{at}: log_standard_deviation = {self.log_standard_deviation:g} is for a "
+                "parameter without bounds; give standard_deviation"
+            )
+        if len(self.bounds) != 2 or not self.bounds[0] < self.median < self.bounds[1]:
+            raise ValueError(
+                f"{at}: bounds = {self.bounds}: must be [lower, upper] on either side of the "
+                f"median, {self.median:g}"
+            )
+        return self
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """A fitted quantity: what the fit calls it, what it sets, where, its range and its prior."""
+
+    label: str
+    name: str
+    samples: tuple[str, ...]
+    median: float
+    log_standard_deviation: float | None
+    """Of x about its value at the median; None where nothing is believed."""
+    bounds: tuple[float, float] | None = None
+
+    @property
+    def variable(self) -> str:
+        """The name of x."""
+        return f"odds({self.label})" if self.bounds else self.label
+
+    @property
+    def start(self) -> float:
+        """The x of the median."""
+        if not self.bounds:
+            return self.median
+        lower, upper = self.bounds
+        return (self.median - lower) / (upper - self.median)
+
+    @property
+    def prior(self) -> LogNormal | None:
+        """Of x."""
+        if self.log_standard_deviation is None:
+            return None
+        return LogNormal(self.start, self.log_standard_deviation)
+
+    def value(self, x: ArrayLike) -> Array:
+        """The quantity for an x."""
+        if not self.bounds:
+            return x
+        lower, upper = self.bounds
+        return lower + (upper - lower) * x / (1.0 + x)
+
+    def per_log(self, x: ArrayLike) -> Array:
+        """Its derivative with respect to ln x."""
+        if not self.bounds:
+            return x
+        lower, upper = self.bounds
+        return (upper - lower) * x / (1.0 + x) ** 2
+
+
+def fitted(sheet: ParameterSheet, names: list[str]) -> list[Fitted]:
+    """What a sheet asks to be fitted: one for all of its samples, or one for each."""
+    samples = tuple(sheet.samples or names)
+    bounds = tuple(sheet.bounds) if sheet.bounds else None
+    spread = sheet.log_standard_deviation
+    if bounds and sheet.standard_deviation is not None:
+        lower, upper = bounds
+        # d ln x = d value (b - a) / ((value - a) (b - value))
+        left, right = sheet.median - lower, upper - sheet.median
+        spread = sheet.standard_deviation * (upper - lower) / (left * right)
+        assert math.isfinite(spread)
+    of = (sheet.median, spread, bounds)
+    if not sheet.per_sample:
+        return [Fitted(sheet.name, sheet.name, samples, *of)]
+    return [Fitted(f"{sheet.name}[{one}]", sheet.name, (one,), *of) for one in samples]

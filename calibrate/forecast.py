@@ -1,0 +1,154 @@
+"""Predictions with the uncertainty of a fit, and how good they are for a sample left out.
+
+The covariance of the logarithms at the optimum, data and priors together, is carried to the
+prediction by its derivative. What a fit leaves open and no prior bounds makes a prediction that
+depends on it as open.
+"""
+
+from collections import OrderedDict
+from dataclasses import dataclass, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from calibrate.data import VELOCITY_UNITS, Experiment, Measurement, Sample
+from calibrate.fit import Fit, fit
+from calibrate.identify import RANK_TOLERANCE, covariance, information
+from calibrate.predict import FORWARD_MODELS
+from calibrate.residuals import Problem
+from mrjax import InputError, Recipe
+from mrjax.permissive import permissive
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """One predicted number; what was measured, if it was."""
+
+    sample: str
+    measurement: Measurement
+    """Its value and standard deviation are not numbers where nothing was measured."""
+    predicted: float
+    standard_error: float
+    """Of the prediction, from fit and priors; infinite where neither bounds it. Both in the unit
+    of the measurement."""
+
+    @property
+    def off(self) -> float:
+        """Predicted minus measured, in standard deviations of both together."""
+        spread = np.hypot(self.standard_error, self.measurement.standard_deviation)
+        return (self.predicted - self.measurement.value) / spread
+
+
+def forecast(
+    experiment: Experiment, found: Fit, sample: Sample, model: str, seed: int = 0
+) -> list[Forecast]:
+    """What a fit expects of the measurements of a sample, one of the experiment or another.
+
+    Args:
+      experiment: what was fitted; its parameters that name this sample apply to it, and those that
+        the fit does not know are taken from their priors.
+      found: the fit.
+      sample: its measurements say what to predict.
+      model: of `FORWARD_MODELS`.
+      seed: of a suspension that is simulated.
+    """
+    logs, spread, open_ends = _belief(experiment, found)
+    names = [one.variable for one in experiment.parameters]
+    start = OrderedDict(zip(names, np.exp(logs), strict=True))
+    varied = tuple(one.name for one in experiment.parameters if sample.name in one.samples)
+    predict = FORWARD_MODELS[model](sample, experiment.suspension_of(sample, start), seed, varied)
+
+    def predicted(logs):
+        theta = OrderedDict(zip(names, jnp.exp(logs), strict=True))
+        of_sample = predict(experiment.suspension_of(sample, theta))
+        values = [
+            of_sample[one.observable] if one.place is None else of_sample[one.observable][one.place]
+            for one in sample.measurements
+        ]
+        return jnp.stack([jnp.asarray(value, float) for value in values])
+
+    with permissive():
+        values = np.asarray(jax.jit(predicted)(jnp.asarray(logs)))
+        slopes = np.asarray(jax.jit(jax.jacfwd(predicted))(jnp.asarray(logs)))
+    errors = np.sqrt(np.einsum("mp,pq,mq->m", slopes, spread, slopes))
+    size = np.linalg.norm(slopes, axis=1, keepdims=True)
+    unbounded = (np.abs(slopes @ open_ends) > RANK_TOLERANCE**0.5 * size).any(axis=1)
+    errors[unbounded] = np.inf
+    return [
+        Forecast(sample.name, one, value / one.si, error / one.si)
+        for one, value, error in zip(sample.measurements, values, errors, strict=True)
+    ]
+
+
+def leave_one_out(experiment: Experiment, model: str, seed: int = 0) -> list[Forecast]:
+    """Every sample, predicted from a fit to all others.
+
+    Raises:
+      InputError: there is only one sample.
+    """
+    if len(experiment.samples) < 2:
+        raise InputError(f"{experiment.name}: has one sample; leaving it out leaves nothing to fit")
+    found = []
+    for sample in experiment.samples:
+        rest = without(experiment, sample.name)
+        problem = Problem.prepare(rest, model, seed)
+        fitted = fit(problem.residuals, problem.start, priors=problem.priors)
+        found += forecast(experiment, fitted, sample, model, seed)
+    return found
+
+
+def without(experiment: Experiment, name: str) -> Experiment:
+    """The experiment without a sample, and without what is fitted to that alone."""
+    kept = tuple(
+        replace(one, samples=tuple(of for of in one.samples if of != name))
+        for one in experiment.parameters
+        if set(one.samples) != {name}
+    )
+    samples = tuple(sample for sample in experiment.samples if sample.name != name)
+    return replace(experiment, samples=samples, parameters=kept)
+
+
+def like(experiment: Experiment, recipe: Recipe, name: str) -> tuple[Experiment, Sample]:
+    """A new recipe as a sample to which applies what applies to one of the experiment's.
+
+    Raises:
+      InputError: the experiment has no such sample.
+    """
+    known = {sample.name: sample for sample in experiment.samples}
+    if name not in known:
+        raise InputError(f"{name!r}: no such sample; {experiment.name} has {', '.join(known)}")
+    bed = known[name].bed_fraction
+    nothing = (float("nan"), float("nan"))
+    day = Measurement("initial_velocity", *nothing, "mm/day", VELOCITY_UNITS["mm/day"])
+    has_bed = bed is not None or any(
+        one.name == "bed_fraction" and name in one.samples for one in experiment.parameters
+    )
+    wanted = [day, Measurement("final_ratio", *nothing, "1", 1.0)] if has_bed else [day]
+    sample = Sample(recipe.name, recipe, recipe.box.height, bed, tuple(wanted))
+    applies = tuple(
+        replace(one, samples=(*one.samples, sample.name)) if name in one.samples else one
+        for one in experiment.parameters
+    )
+    held = experiment.held + tuple(
+        (sample.name, *rest) for of, *rest in experiment.held if of == name
+    )
+    return replace(experiment, parameters=applies, held=held), sample
+
+
+def _belief(experiment: Experiment, found: Fit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Logarithms of all variables, (P,), their covariance, (P, P), and open directions, (P, K).
+
+    What the fit does not know has its prior.
+    """
+    parameters = experiment.parameters
+    strength = np.zeros((len(parameters), len(parameters)))
+    logs = np.log([one.start for one in parameters])
+    place = {one.variable: index for index, one in enumerate(parameters)}
+    known = np.array([place[name] for name in found.names], int)
+    strength[np.ix_(known, known)] = information(found)
+    logs[known] = np.log(found.values)
+    for index, one in enumerate(parameters):
+        if index not in known and one.prior is not None:
+            strength[index, index] = one.prior.log_standard_deviation**-2.0
+    return logs, *covariance(strength)

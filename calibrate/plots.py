@@ -1,0 +1,166 @@
+"""Figures of a fit: data and predictions, residuals, profiles, samples, the search."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from calibrate.fit import Fit
+from calibrate.posterior import Posterior
+from calibrate.profile import LEVELS, Profile
+from calibrate.residuals import Problem
+
+CURVES = ("mudline", "sedimentation_ratio")
+SECONDS_PER_DAY = 86400.0
+
+
+def figures(
+    problem: Problem,
+    fit: Fit,
+    result: dict[str, Any],
+    profiles: tuple[Profile, ...],
+    samples: Posterior | None,
+) -> dict[str, Figure]:
+    """All that there are for this fit, by the name of their file."""
+    found = {}
+    if any(one["observable"] not in CURVES for one in result["predictions"]):
+        found["predictions"] = predictions_figure(result)
+    if any(one["observable"] in CURVES for one in result["predictions"]):
+        found["curves"] = curves_figure(result)
+    found["residuals"] = residuals_figure(result)
+    if profiles:
+        found["profiles"] = profiles_figure(problem, profiles)
+    if samples is not None:
+        found["posterior"] = corner_figure(samples)
+    found["loss"] = loss_figure(fit)
+    return found
+
+
+def curves_figure(result: dict[str, Any]) -> Figure:
+    """Measured curves with their errors, and predicted ones with a band of two standard errors."""
+    rows = [one for one in result["predictions"] if one["observable"] in CURVES]
+    names = list(dict.fromkeys(one["sample"] for one in rows))
+    figure = Figure(figsize=(1.0 + 3.4 * len(names), 3.2), layout="constrained")
+    for axes, name in zip(figure.subplots(1, len(names), squeeze=False)[0], names, strict=True):
+        of_sample = [one for one in rows if one["sample"] == name]
+        days = [one["time_s"] / SECONDS_PER_DAY for one in of_sample]
+        axes.errorbar(
+            days,
+            [one["measured"] for one in of_sample],
+            [one["sigma"] for one in of_sample],
+            fmt="o",
+            ms=3,
+            color="black",
+            capsize=2,
+            label="measured",
+        )
+        predicted = np.array([one["predicted"] for one in of_sample])
+        spread = 2.0 * np.array([one["predicted_error"] for one in of_sample])
+        axes.plot(days, predicted, color="tab:blue", label="predicted")
+        if np.isfinite(spread).all():
+            axes.fill_between(
+                days, predicted - spread, predicted + spread, color="tab:blue", alpha=0.3
+            )
+        axes.set_title(f"sample {name}")
+        axes.set_xlabel("time, days")
+        unit = of_sample[0]["unit"]
+        what = of_sample[0]["observable"].replace("_", " ")
+        axes.set_ylabel(what if unit == "1" else f"{what}, {unit}")
+        axes.set_ylim(bottom=0.0)
+    axes.legend(frameon=False)
+    return figure
+
+
+def residuals_figure(result: dict[str, Any]) -> Figure:
+    """Predicted minus measured, in standard deviations of the measurement."""
+    rows = result["predictions"]
+    off = [(one["predicted"] - one["measured"]) / one["sigma"] for one in rows]
+    names = list(dict.fromkeys(one["sample"] for one in rows))
+    figure = Figure(figsize=(4.6, 3.0), layout="constrained")
+    axes = figure.subplots()
+    axes.axhspan(-2, 2, color="0.92")
+    axes.axhline(0, color="0.5", lw=0.8)
+    for name in names:
+        of_sample = [place for place, one in enumerate(rows) if one["sample"] == name]
+        axes.plot(of_sample, [off[place] for place in of_sample], "o", ms=4, label=f"sample {name}")
+    axes.set_xticks([])
+    axes.set_xlabel("measurements, in their order")
+    axes.set_ylabel("(predicted - measured) / sigma")
+    axes.set_ylim(-1.1 * max(3.0, *map(abs, off)), 1.1 * max(3.0, *map(abs, off)))
+    axes.legend(frameon=False)
+    return figure
+
+
+def profiles_figure(problem: Problem, profiles: tuple[Profile, ...]) -> Figure:
+    """Increase of chi-squared with each value, and the levels of its intervals."""
+    of = {one.variable: one for one in problem.experiment.parameters}
+    figure = Figure(figsize=(0.6 + 2.8 * len(profiles), 2.8), layout="constrained")
+    axes_of = figure.subplots(1, len(profiles), squeeze=False, sharey=True)[0]
+    for axes, profile in zip(axes_of, profiles, strict=True):
+        one = of[profile.name]
+        axes.plot([one.value(x) for x in profile.values], profile.increase, color="black")
+        for coverage, level in LEVELS.items():
+            axes.axhline(level, color="0.6", lw=0.8)
+            axes.annotate(coverage, (1.0, level), xycoords=("axes fraction", "data"), ha="right")
+        axes.set_ylim(0, 9)
+        axes.set_xlabel(one.label)
+    axes_of[0].set_ylabel("increase of chi-squared")
+    return figure
+
+
+def corner_figure(samples: Posterior) -> Figure:
+    """Every pair of values, as sampled; their own distributions on the diagonal."""
+    import corner
+
+    figure = Figure(figsize=(2.0 * len(samples.names) + 0.6,) * 2)
+    corner.corner(samples.samples, labels=list(samples.names), fig=figure, show_titles=True)
+    return figure
+
+
+def predictions_figure(result: dict[str, Any]) -> Figure:
+    """Measured values with their uncertainty, predicted ones beside them."""
+    rows = [one for one in result["predictions"] if one["observable"] not in CURVES]
+    units = list(dict.fromkeys(one["unit"] for one in rows))
+    figure = Figure(figsize=(1.8 + 2.4 * len(units), 3.0), layout="constrained")
+    for axes, unit in zip(figure.subplots(1, len(units), squeeze=False)[0], units, strict=True):
+        of_unit = [one for one in rows if one["unit"] == unit]
+        places = np.arange(len(of_unit))
+        axes.errorbar(
+            places - 0.08,
+            [one["measured"] for one in of_unit],
+            [one["sigma"] for one in of_unit],
+            fmt="o",
+            color="black",
+            capsize=4,
+            label="measured",
+        )
+        axes.plot(
+            places + 0.08,
+            [one["predicted"] for one in of_unit],
+            "D",
+            color="0.55",
+            markeredgecolor="black",
+            label="predicted",
+        )
+        axes.set_xticks(
+            places, [f"{one['sample']}\n{one['observable'].replace('_', ' ')}" for one in of_unit]
+        )
+        axes.set_xlim(-0.6, len(of_unit) - 0.4)
+        highest = max(max(one["measured"] + one["sigma"], one["predicted"]) for one in of_unit)
+        axes.set_ylim(0, 1.15 * highest)  # room above the error bars
+        axes.set_ylabel("ratio" if unit == "1" else unit)
+    axes.legend(frameon=False)
+    return figure
+
+
+def loss_figure(fit: Fit) -> Figure:
+    """Half the sum of squares against the step of the search, and after the finish."""
+    figure = Figure(figsize=(4.2, 3.0), layout="constrained")
+    axes = figure.subplots()
+    search, end = fit.loss[:-1], fit.loss[-1]
+    axes.semilogy(search, ".-", color="0.4", label="search")
+    axes.semilogy([len(search)], [end], "D", color="black", label="finish")
+    axes.set_xlabel("step")
+    axes.set_ylabel("half the sum of squares,\ndata and priors")
+    axes.legend(frameon=False)
+    return figure

@@ -1,0 +1,112 @@
+"""Samples of the posterior by NUTS (blackjax), with what tells whether they are to be trusted.
+
+The posterior of the logarithms is exp(-chi^2 / 2) with the priors among the residuals. It often
+is a long ridge: the mass matrix is dense, and begins as the curvature at the optimum.
+"""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from calibrate.fit import Fit
+from calibrate.identify import identify, information
+from mrjax import InputError
+from mrjax.permissive import permissive
+
+CHAINS, WARM_UP, SAMPLES = 4, 300, 500
+LARGEST_R_HAT, LEAST_EFFECTIVE = 1.01, 400.0
+"""Vehtari et al. (2021): beyond these the samples are not to be used."""
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Draws of all fitted values."""
+
+    names: tuple[str, ...]
+    samples: np.ndarray
+    """Values, not logarithms; (CHAINS * SAMPLES, P)."""
+    r_hat: np.ndarray
+    """Spread between chains over that within them, 1 when they agree; (P,)."""
+    effective: np.ndarray
+    """Independent samples that they are worth, (P,)."""
+    divergences: int
+    """Steps that left the posterior; not 0: a part of it may be missing."""
+
+    @property
+    def converged(self) -> bool:
+        """Whether the samples may be used."""
+        return bool(
+            (self.r_hat < LARGEST_R_HAT).all()
+            and (self.effective > LEAST_EFFECTIVE).all()
+            and self.divergences == 0
+        )
+
+
+def posterior(fit: Fit, seed: int = 0, samples: int = SAMPLES) -> Posterior:
+    """Samples the posterior of a fit.
+
+    Args:
+      fit: converged.
+      seed: of the chains.
+      samples: of each of the four chains.
+
+    Raises:
+      InputError: blackjax is not installed, or the posterior has no end: neither data nor prior
+        bound some value.
+    """
+    try:
+        import blackjax
+    except ImportError:
+        raise InputError(
+            "posterior samples need blackjax: pip install 'mrjax[posterior]'"
+        ) from None
+    unbounded = [name for name, one in identify(fit).standard_errors.items() if np.isinf(one)]
+    if unbounded:
+        raise InputError(
+            f"the posterior of {', '.join(unbounded)} has no end: no measurement and no prior "
+            "bounds it; give log_standard_deviation, or standard_deviation with bounds"
+        )
+
+    whitened, best = _whitening(fit)
+
+    def log_density(position: Array) -> Array:
+        return -0.5 * jnp.sum(fit.everything(best + whitened @ position, fit.given) ** 2)
+
+    def chain(key: Array) -> tuple[Array, Array]:
+        first, adapting, drawing = jax.random.split(key, 3)
+        adaptation = blackjax.window_adaptation(
+            blackjax.nuts, log_density, is_mass_matrix_diagonal=False
+        )
+        position = jax.random.normal(first, best.shape, best.dtype)
+        (state, tuned), _ = adaptation.run(adapting, position, num_steps=WARM_UP)
+        kernel = blackjax.nuts(log_density, **tuned)
+
+        def step(state, key):
+            state, info = kernel.step(key, state)
+            return state, (state.position, info.is_divergent)
+
+        _, drawn = jax.lax.scan(step, state, jax.random.split(drawing, samples))
+        return drawn
+
+    with permissive():
+        keys = jax.random.split(jax.random.key(seed), CHAINS)
+        drawn, divergent = jax.jit(jax.vmap(chain))(keys)
+        logs = best + drawn @ whitened.T
+        r_hat = blackjax.diagnostics.potential_scale_reduction(logs)
+        effective = blackjax.diagnostics.effective_sample_size(logs)
+    return Posterior(
+        fit.names,
+        np.exp(np.asarray(logs)).reshape(-1, best.size),
+        np.asarray(r_hat),
+        np.asarray(effective),
+        int(divergent.sum()),
+    )
+
+
+def _whitening(fit: Fit) -> tuple[Array, Array]:
+    """A square root of the covariance at the optimum, (P, P), and the optimum, (P,), in logs."""
+    strength, directions = np.linalg.eigh(information(fit))
+    return jnp.asarray(directions / np.sqrt(strength)), jnp.log(jnp.asarray(fit.values))

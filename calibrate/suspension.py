@@ -1,0 +1,104 @@
+"""What a forward model is told of a sample: its recipe with the fitted values in their places."""
+
+import inspect
+from dataclasses import dataclass, fields
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jax.tree_util import Partial
+from jax.typing import ArrayLike
+
+from mrjax import InputError, Parameters, Recipe
+from mrjax.hindrance import Hindrance
+
+BED = "bed_fraction"
+CLOSURE = "f_w."
+"""What the name of a closure's coefficient begins with: `f_w.exponent`."""
+LEAVES = tuple(leaf.name for leaf in fields(Parameters))
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Suspension:
+    """A suspension before it settles, and how densely it will lie."""
+
+    parameters: Parameters
+    """With f_w at the suspension's own volume fraction, where a closure gives it."""
+    volume_fraction: Array
+    """Of the coated particles when dispersed, ()."""
+    bed_fraction: ArrayLike | None
+    """Of the coated particles in the bed at rest, (); None where nobody has said."""
+    hindrance: Hindrance | None
+    """f_w for other volume fractions, where the recipe asks for local drag."""
+
+
+def suspension(
+    recipe: Recipe, bed_fraction: ArrayLike | None, changes: dict[str, ArrayLike]
+) -> Suspension:
+    """A recipe with some quantities changed.
+
+    Args:
+      recipe: the lab sheet.
+      bed_fraction: of the bed at rest, unless it is changed.
+      changes: by name: a leaf of `Parameters`, a coefficient of the recipe's closure of f_w
+        (`f_w.exponent`), or `bed_fraction`.
+    """
+    leaves = {name: value for name, value in changes.items() if name in LEAVES}
+    coefficients = {
+        name.removeprefix(CLOSURE): value
+        for name, value in changes.items()
+        if name.startswith(CLOSURE)
+    }
+    parameters = recipe.parameters().replace(**leaves)
+    fraction = recipe.volume_fraction * jnp.asarray(parameters.f_r, float) ** 3
+    closure = recipe.closure
+    if closure is not None:
+        closure = Partial(closure.func, **{**closure.keywords, **coefficients})
+        if "f_w" not in leaves:
+            parameters = parameters.replace(f_w=closure(fraction))
+    return Suspension(
+        parameters,
+        fraction,
+        changes.get(BED, bed_fraction),
+        closure if recipe.drag.local else None,
+    )
+
+
+def refuse_unknown(name: str, recipe: Recipe) -> None:
+    """Passes where the name is a quantity of this recipe that can be one number.
+
+    Raises:
+      InputError: it is none: what is wrong, and what is known.
+    """
+    if name == BED:
+        return
+    if name.startswith(CLOSURE):
+        known = _coefficients(recipe)
+        if not known:
+            raise InputError(
+                f"f_w of the recipe {recipe.name} is a number, without coefficients; name a "
+                "closure in [drag]"
+            )
+        if name not in known:
+            raise InputError(f"its closure has no such coefficient; known: {', '.join(known)}")
+        return
+    if name not in LEAVES:
+        known = ", ".join([*LEAVES, BED, *_coefficients(recipe)])
+        raise InputError(f"no such quantity; known: {known}")
+    if jnp.ndim(getattr(recipe.parameters(), name)):
+        raise InputError(
+            f"the recipe {recipe.name} has more than one value of it, for sizes or surfaces; fit "
+            "another"
+        )
+    if name == "f_w" and recipe.drag.local:
+        raise InputError(
+            f"the recipe {recipe.name} has local drag, where f_w is a function; fit a coefficient: "
+            f"{', '.join(_coefficients(recipe))}"
+        )
+
+
+def _coefficients(recipe: Recipe) -> list[str]:
+    if recipe.closure is None:
+        return []
+    return [CLOSURE + name for name in list(inspect.signature(recipe.closure.func).parameters)[1:]]

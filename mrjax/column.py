@@ -1,0 +1,425 @@
+"""A settling column in one dimension: days of a tall tube, from the parameters of a simulation.
+
+d phi/dt = d/dz f(phi),  f(phi) = phi v(phi)                                      (Kynch 1952)
+
+with z upwards from the floor, both ends closed, v the terminal velocity with the f_w of each volume
+fraction, and a bed that is either rigid at phi_m or compressible (`mrjax.compression`).
+
+Finite volumes, conservative and monotone, first-order in cells and steps: Godunov's flux from a
+table (`mrjax.kynch`), the stress implicit.
+"""
+
+import math
+from dataclasses import dataclass, field
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array, lax
+from jax.tree_util import Partial
+from jax.typing import ArrayLike, DTypeLike
+
+from mrjax import checks, compression, kynch, particle
+from mrjax.compression import Compression
+from mrjax.concrete import concrete, known
+from mrjax.errors import InputError
+from mrjax.hindrance import Hindrance
+from mrjax.parameters import Parameters
+from mrjax.theory import terminal_velocity
+
+COURANT = 0.95
+"""Most cells that a front crosses in a step that is chosen."""
+MOST_STEPS = 10**8
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class Column:
+    """What a settling column shows at T times, in C cells from the floor to the initial height.
+
+    Where a traced call was given too few steps, or what cannot be, every number but the times and
+    `courant` is NaN.
+    """
+
+    times: Array
+    """As given, (T,) in s."""
+    mudline: Array
+    """Height of the interface to the clear fluid, (T,) in m.
+
+    Every cell counts with its share below the interface: all of it where the cell above is at least
+    as dense as the suspension was, else its solid over what it would hold at the fraction of the
+    cell below it, or at the initial one if that is more. So a front is read by its solid, not by a
+    threshold: exactly, however many cells it is smeared over, while it is one from the uniform
+    suspension, and at rest; to first order in between; continuous, with a slope but for kinks. It
+    starts at the height, and rests on a rigid bed at height x volume_fraction / bed_fraction.
+    """
+    bed_front: Array
+    """Height of the top of the bed, (T,) in m.
+
+    By its solid, too: the excess over the fraction that meets the bed (`kynch.above_bed`). Less
+    than a cell of suspension over it is none, and the front is the mudline; from there to two cells
+    it is led over linearly. Exact under a uniform suspension; where a fan of concentrations hangs
+    on the bed it lags by three to four cells of 200. A compressible bed begins at its gel fraction.
+    """
+    volume_fraction: Array
+    """Mean of every cell, (T, C); 1."""
+    levels: Array
+    """Heights of the middles of the cells, (C,) in m."""
+    initial_height: Array
+    """Of the suspension, m, ()."""
+    courant: Array
+    """Cells that the fastest front crosses in a step; 1, ()."""
+    steps: int = field(metadata={"static": True})
+    """Number of equal steps; each of the times adds one by cutting another."""
+
+    @property
+    def sedimentation_ratio(self) -> Array:
+        """Mudline over initial height; 1, (T,)."""
+        return self.mudline / self.initial_height
+
+
+class _Case(NamedTuple):
+    """What settles, in SI."""
+
+    parameters: Parameters
+    height: ArrayLike
+    volume_fraction: ArrayLike
+    bed_fraction: ArrayLike
+    times: ArrayLike
+    hindrance: Hindrance | None
+    compression: Compression | None
+
+    def as_arrays(self) -> "_Case":
+        """With the closure and the times as one leaf or tree of arrays."""
+        times, hindrance = self.times, self.hindrance
+        if not isinstance(times, Array):
+            times = jnp.asarray(times) if concrete(times) is None else np.asarray(times, float)
+        if hindrance is not None and not isinstance(hindrance, Partial):
+            hindrance = Partial(hindrance)
+        return self._replace(times=times, hindrance=hindrance)
+
+    def astype(self, dtype: DTypeLike) -> "_Case":
+        return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype), self)
+
+
+def column(
+    parameters: Parameters,
+    *,
+    height: ArrayLike,
+    volume_fraction: ArrayLike,
+    bed_fraction: ArrayLike,
+    times: ArrayLike,
+    hindrance: Hindrance | None = None,
+    compression: Compression | None = None,
+    cells: int = 200,
+    steps: int | None = None,
+) -> Column:
+    """Lets a column of uniform suspension settle.
+
+    Pure: works under `jit`, `grad`, `jvp` and `vmap`, in the dtype of `parameters.radius`. Reverse
+    mode stores as many profiles as twice the square root of the number of steps.
+
+    Args:
+      parameters: of particles and fluid, one number each; what belongs to contacts has no effect.
+      height: of the suspension, m, ().
+      volume_fraction: phi_0 of the coated particles at the start, such as
+        `recipe.coated_volume_fraction`; 1, ().
+      bed_fraction: phi_m of the packed coated particles; 1, ().
+      times: at which the column is looked at, by a step that ends there; s, increasing, of any
+        spacing, (T,).
+      hindrance: f_w for volume fractions, such as `recipe.hindrance`; left out, that of the
+        parameters holds everywhere, and the mudline descends in a straight line until it meets the
+        bed.
+      compression: of the bed; left out, it is rigid. With it phi_m is a limit that nothing passes,
+        in the last f dz/dt before which the bed's permeability falls to zero: that changes how fast
+        it consolidates, not the end.
+      cells: C, of equal height.
+      steps: equal ones to the last of the times; left out, `column_steps`.
+
+    Raises:
+      InputError: an argument that cannot be used, too few steps (plain calls), or a traced one
+        from which steps would have to be chosen.
+    """
+    case = _Case(
+        parameters, height, volume_fraction, bed_fraction, times, hindrance, compression
+    ).as_arrays()
+    cells = checks.whole(cells, "cells")
+    _refuse(case)
+    fewest = _fewest_steps(case, cells)
+    steps = _chosen(fewest) if steps is None else checks.whole(steps, "steps")
+    if steps < fewest * (1.0 - 1e-6):  # never where that is not known
+        raise InputError(
+            f"steps = {steps}: a front would cross more than one cell in a step; give at least "
+            f"{math.ceil(fewest)}, or leave steps out"
+        )
+    return _settled(case.astype(jnp.asarray(parameters.radius).dtype), cells=cells, steps=steps)
+
+
+def column_steps(
+    parameters: Parameters,
+    *,
+    height: ArrayLike,
+    volume_fraction: ArrayLike,
+    bed_fraction: ArrayLike,
+    times: ArrayLike,
+    hindrance: Hindrance | None = None,
+    compression: Compression | None = None,
+    cells: int = 200,
+) -> int:
+    """Steps for `column`, whose arguments these are: so many that no front crosses a cell in one.
+
+    The speed of fronts is that of `kynch.fastest_front`. Rounded up to four binary digits, so that
+    neighbouring parameters share a compiled program. For parameters that are traced, those of a fit
+    or of a `vmap`, take the most that any of them needs, and some more to be safe.
+
+    Raises:
+      InputError: an argument that cannot be used, or is traced by jit or vmap.
+    """
+    case = _Case(
+        parameters, height, volume_fraction, bed_fraction, times, hindrance, compression
+    ).as_arrays()
+    cells = checks.whole(cells, "cells")
+    _refuse(case)
+    return _chosen(_fewest_steps(case, cells))
+
+
+@partial(jax.jit, static_argnames=("cells", "steps"))
+def _settled(case: _Case, *, cells: int, steps: int) -> Column:
+    """The compiled whole, with the height of a cell and a step as units."""
+    initial, densest = case.volume_fraction, case.bed_fraction
+    cell = case.height / cells
+    flux = _flux(case, cells, steps)
+    courant = _fastest_front(case, flux)
+    profiles = _profiles(case, flux, cells, steps)
+    full = densest
+    if case.compression is not None:
+        full = jnp.minimum(full, case.compression.gel_fraction)
+    mudline = _mudline(profiles, jnp.minimum(initial, full), densest)
+    bed_front = _bed_front(profiles, mudline, kynch.above_bed(flux, full), full)
+    # A factor, not a choice: the derivative of what must not be used is NaN too.
+    possible = _possible(case, flux) & (courant <= 1.0 + 1e-5)
+    sound = jnp.where(possible, 1.0, jnp.nan).astype(initial.dtype)
+    return Column(
+        times=case.times,
+        mudline=sound * cell * mudline,
+        bed_front=sound * cell * bed_front,
+        volume_fraction=sound * profiles,
+        levels=sound * cell * (jnp.arange(cells, dtype=initial.dtype) + 0.5),
+        initial_height=sound * case.height,
+        courant=courant,
+        steps=steps,
+    )
+
+
+def _flux(case: _Case, cells: int, steps: int) -> kynch.Table:
+    """f(phi) in cells for each step."""
+    si = kynch.table(case.parameters, case.hindrance, case.volume_fraction, case.bed_fraction)
+    return si._replace(flux=si.flux * (case.times[-1] / steps * cells / case.height))
+
+
+def _fastest_front(case: _Case, flux: kynch.Table) -> Array:
+    """Of those that leave the suspension, or the surface of a compressible bed; ()."""
+    front = kynch.fastest_front(flux, case.volume_fraction)
+    if case.compression is None:
+        return front
+    return jnp.maximum(front, kynch.fastest_front(flux, case.compression.gel_fraction))
+
+
+def _profiles(case: _Case, flux: kynch.Table, cells: int, steps: int) -> Array:
+    """Volume fractions at the times, (T, cells): the only scan.
+
+    In chunks of steps: reverse mode keeps the beginning of each, and repeats the rest.
+    """
+    shares, slots = _merged(case.times, steps)
+    count = case.times.size
+    chunk = math.isqrt(shares.size - 1) + 1
+    missing = -shares.size % chunk
+    shares = jnp.pad(shares, (0, missing)).reshape(-1, chunk)
+    slots = jnp.pad(slots, (0, missing), constant_values=count).reshape(-1, chunk)
+    godunov = kynch.godunov(kynch.no_steeper(flux, jnp.ones_like(case.height)))
+    stress, weight = case.compression, _net_weight(case.parameters) * case.height / cells
+
+    def step(carry: tuple[Array, Array], now: tuple[Array, Array]):
+        fraction, seen = carry
+        share, slot = now
+        down = share * kynch.between_cells(godunov, fraction)
+        settled = fraction + jnp.diff(jnp.pad(down, 1))
+        if stress is not None:
+            settled = compression.spread(
+                settled, compression.exchange(stress, weight, fraction, down)
+            )
+        return (settled, lax.dynamic_update_index_in_dim(seen, settled, slot, 0)), None
+
+    @partial(jax.checkpoint, prevent_cse=False)
+    def steps_of_chunk(carry, now):
+        return lax.scan(step, carry, now)
+
+    start = jnp.full(cells, case.volume_fraction)
+    nothing = jnp.zeros((count + 1, cells), start.dtype)  # the last row for steps without a time
+    (_, seen), _ = lax.scan(steps_of_chunk, (start, nothing), (shares, slots))
+    return seen[:count]
+
+
+def _merged(times: Array, steps: int) -> tuple[Array, Array]:
+    """Equal steps, cut so that one ends at each of the times.
+
+    Returns: the length of each as a share of an equal one, and the number of the time at which it
+    ends, T for none; (steps + T,).
+    """
+    count = times.size
+    whole = jnp.arange(steps + 1, dtype=times.dtype)
+    # Else XLA sorts constant times while it compiles, for seconds.
+    looked = lax.optimization_barrier(times / times[-1] * steps)
+    shares = jnp.diff(jnp.sort(jnp.concatenate([whole, looked]), stable=True))
+    number = jnp.arange(count, dtype=jnp.int32)
+    ends = jnp.floor(lax.stop_gradient(looked)).astype(jnp.int32) + number
+    return shares, jnp.full(steps + count, count, jnp.int32).at[ends].set(number)
+
+
+def _mudline(profile: Array, suspended: Array, densest: Array) -> Array:
+    """`Column.mudline` in cells, (T,), of profiles (T, cells)."""
+    floor, clear = (jnp.full_like(profile[:, :1], value) for value in (densest, 0.0))
+    below = jnp.concatenate([floor, profile[:, :-1]], axis=1)
+    above = jnp.concatenate([profile[:, 1:], clear], axis=1)
+    share = jnp.maximum(profile / jnp.maximum(below, suspended), above / suspended)
+    return jnp.sum(jnp.clip(share, 0.0, 1.0), axis=1)
+
+
+def _bed_front(profile: Array, mudline: Array, meets: Array, full: Array) -> Array:
+    """`Column.bed_front` in cells, (T,), of profiles (T, cells)."""
+    bed = full > meets  # else all of the suspension is one
+    excess = (profile - meets) / jnp.where(bed, full - meets, 1.0)
+    suspension = mudline - jnp.sum(jnp.clip(excess, 0.0, 1.0), axis=1)
+    return mudline - jnp.where(bed, suspension * jnp.clip(suspension - 1.0, 0.0, 1.0), 0.0)
+
+
+def _net_weight(parameters: Parameters) -> Array:
+    """Delta rho g, of the coated particle in the fluid; N/m^3, ()."""
+    excess = particle.apparent_density(parameters) - parameters.fluid_density
+    return excess * parameters.gravity
+
+
+def _possible(case: _Case, flux: kynch.Table) -> Array:
+    """What `_refuse` would have passed, ()."""
+    ascending = (
+        jnp.all(jnp.diff(case.times) > 0.0) & (case.times[0] >= 0.0) & (case.times[-1] > 0.0)
+    )
+    fractions = (case.volume_fraction > 0.0) & (case.volume_fraction < case.bed_fraction)
+    settles = jnp.all(jnp.isfinite(flux.flux) & (flux.flux >= 0.0))
+    return ascending & fractions & (case.bed_fraction < 1.0) & (case.height > 0.0) & settles
+
+
+@jax.jit
+def _speeds(case: _Case) -> tuple[kynch.Table, Array]:
+    """The flux and the fastest front, m/s."""
+    flux = kynch.table(case.parameters, case.hindrance, case.volume_fraction, case.bed_fraction)
+    return flux, _fastest_front(case, flux)
+
+
+def _fewest_steps(case: _Case, cells: int) -> float:
+    """In which no front crosses more than a cell; NaN where something is traced.
+
+    Raises:
+      InputError: particles that do not settle at every volume fraction.
+    """
+    if any(concrete(leaf) is None for leaf in jax.tree.leaves(case)):
+        return math.nan
+    with jax.ensure_compile_time_eval():
+        numbers = known(case)
+        flux, speed = _speeds(numbers)
+    for fraction, solid in zip(np.asarray(flux.fraction), np.asarray(flux.flux), strict=True):
+        if not 0.0 <= solid < np.inf:
+            raise InputError(
+                f"at a volume fraction of {fraction:.3g} the particles would settle at "
+                f"{solid / fraction:.3g} m/s; give a hindrance that holds up to bed_fraction = "
+                f"{float(numbers.bed_fraction):.3g}, in a viscous fluid that is lighter than they"
+            )
+    return float(speed * numbers.times[-1] / numbers.height) * cells
+
+
+def _chosen(fewest: float) -> int:
+    """Not quite the fewest steps, to four binary digits.
+
+    Raises:
+      InputError: they are not known, or more than can be waited for.
+    """
+    if math.isnan(fewest):
+        raise InputError(
+            "what settles is traced by jit or vmap, so column cannot choose its steps; give "
+            "steps=mrjax.column_steps(...), computed outside from plain numbers"
+        )
+    steps = max(1.0, fewest / COURANT)
+    if steps > MOST_STEPS:
+        raise InputError(
+            f"times up to the last take {steps:.3g} steps, more than {MOST_STEPS}; give an earlier "
+            "last time, fewer cells, or a volume_fraction further from bed_fraction"
+        )
+    digit = 2 ** max(0, math.frexp(steps)[1] - 4)
+    return math.ceil(steps / digit) * digit
+
+
+def _refuse(case: _Case) -> None:
+    """Refuses what describes no column, where it is known.
+
+    Raises:
+      InputError: the first such argument.
+    """
+    velocity = jnp.shape(terminal_velocity(case.parameters))
+    if velocity != ():
+        raise InputError(
+            f"parameters are those of {velocity} particles; a column settles as equal ones: give "
+            "one number for each parameter, such as the radius of the mean settling velocity"
+        )
+    checks.meaningful(case.parameters, 1, None)
+    _number(case.height, "height", math.inf, "m")
+    bed = _number(case.bed_fraction, "bed_fraction", 1.0, "1")
+    _number(case.volume_fraction, "volume_fraction", bed, "1")
+    if case.compression is not None:
+        _number(case.compression.gel_fraction, "gel_fraction", bed, "1")
+        _number(case.compression.stress, "stress", math.inf, "Pa")
+        _number(case.compression.exponent, "exponent", math.inf, "1")
+    _refuse_times(case.times)
+
+
+def _number(value: ArrayLike, name: str, below: float, unit: str) -> float:
+    """A number above zero and below a bound; NaN where it is traced, then no bound to others.
+
+    Raises:
+      InputError: it is not.
+    """
+    number = concrete(value)
+    if np.shape(value) != () or (number is not None and number.dtype.kind not in "fiu"):
+        raise InputError(f"{name} = {value}: give one number, in {unit}")
+    if number is None:
+        return math.nan
+    if not number > 0.0 or not np.isfinite(number) or number >= below:
+        bound = ""
+        if math.isfinite(below):
+            bound = f" and below {below:.6g}" + (", bed_fraction" if below < 1.0 else "")
+        raise InputError(f"{name} = {float(number):.6g} must be above 0{bound}, in {unit}")
+    return float(number)
+
+
+def _refuse_times(times: Array | np.ndarray) -> None:
+    """Refuses times that are no row, or do not increase from 0.
+
+    Raises:
+      InputError: the first such time.
+    """
+    if times.ndim != 1 or times.size == 0:
+        raise InputError(f"times have shape {times.shape}; give one row of them in s, shape (T,)")
+    numbers = concrete(times)
+    if numbers is None:
+        return
+    for number, time in enumerate(numbers):
+        if not 0.0 <= time < np.inf:
+            raise InputError(f"times[{number}] = {time:.6g} must be at least 0 and finite, in s")
+        if number > 0 and not time > numbers[number - 1]:
+            raise InputError(
+                f"times[{number}] = {time:.6g} s is not after {numbers[number - 1]:.6g} s; give "
+                "increasing times"
+            )
+    if numbers[-1] == 0.0:
+        raise InputError("times = [0]: nothing settles in no time; give a later last one, in s")

@@ -1,0 +1,152 @@
+"""Kynch's flux of a batch-settling suspension, and Godunov's flux between two cells of a column.
+
+f(phi) = phi v(phi) for phi < phi_m,  f(phi_m) = 0                      (Kynch 1952; m/s, downwards)
+
+A packed bed rests on the floor: nothing more goes in. Between a cell of fraction l and the one of
+fraction u above it, exactly for any f, with one hump or several (Godunov 1959; LeVeque, Finite
+Volume Methods for Hyperbolic Problems, 2002, Eq. 12.4):
+
+G(l, u) = MIN f over [u, l] where l >= u,  MAX f over [l, u] where l < u
+
+An explicit step stands for slopes of f up to dz/dt, and f jumps at phi_m; in dilute fluid it may be
+steep too. In place of f the largest function below it without steeper slopes is taken,
+
+f~(phi) = MIN over psi of f(psi) + |phi - psi| dz/dt
+
+A column that starts uniform at phi_0 settles the same by either, to the last digit, if no front
+from phi_0 crosses more than a cell in a step (`fastest_front`): f~ then lies above the lower convex
+hulls of f from phi_0 to clear fluid and to the bed, of which Kynch's construction is made, and
+touches f where they do.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jax import Array, lax
+
+from mrjax.hindrance import Hindrance
+from mrjax.parameters import Parameters
+from mrjax.theory import terminal_velocity
+
+INTERVALS = 256
+"""Of the table of the flux, on either side of the initial volume fraction: linear in between, which
+is within 1e-4 of Richardson & Zaki's law."""
+
+
+class Table(NamedTuple):
+    """A flux at volume fractions from 0 to the bed's, evenly on either side of the initial one."""
+
+    fraction: Array  # (nodes,)
+    flux: Array  # (nodes,)
+
+    @property
+    def initial(self) -> Array:
+        """The initial volume fraction, which is a node: at it the flux is exact; 1, ()."""
+        return self.fraction[INTERVALS]
+
+    @property
+    def densest(self) -> Array:
+        """The volume fraction of the bed; 1, ()."""
+        return self.fraction[-1]
+
+
+def table(
+    parameters: Parameters, hindrance: Hindrance | None, initial: Array, densest: Array
+) -> Table:
+    """Kynch's f of the parameters, in m/s.
+
+    Args:
+      parameters: of one kind of particle, leaves ().
+      hindrance: f_w for volume fractions, in place of that of the parameters.
+      initial, densest: phi_0 < phi_m, ().
+    """
+    share = jnp.arange(INTERVALS + 1, dtype=initial.dtype) / INTERVALS
+    denser = initial + (densest - initial) * share[1:-1]
+    between = jnp.concatenate([initial * share[1:], denser])
+    felt = parameters if hindrance is None else parameters.replace(f_w=hindrance(between))
+    # The ends are known, and left out: a closure may have no slope in clear fluid.
+    nothing = jnp.zeros(1, between.dtype)
+    fraction = jnp.concatenate([nothing, between, densest[None]])
+    flux = jnp.concatenate([nothing, between * terminal_velocity(felt), nothing])
+    return Table(fraction, flux)
+
+
+def fastest_front(of: Table, state: Array) -> Array:
+    """Greatest speed of a front or wave that leaves a suspension of one volume fraction; m/s, ().
+
+    MAX over phi of (f(phi_0) - f(phi)) / |phi - phi_0|: the steepest of its two lower hulls.
+    """
+    distance = jnp.abs(of.fraction - state)
+    apart = distance != 0.0  # also where it is not known
+    drop = jnp.interp(state, of.fraction, of.flux) - of.flux
+    return jnp.max(jnp.where(apart, drop / jnp.where(apart, distance, 1.0), 0.0))
+
+
+def above_bed(of: Table, full: Array) -> Array:
+    """Volume fraction that meets the bed: where the hull from phi_0 leaves f for (full, 0); 1, ().
+
+    phi_0 itself where the bed grows from a single front.
+    """
+    fraction, flux = of.fraction[INTERVALS:], of.flux[INTERVALS:]
+    below = fraction < full
+    speed = jnp.where(below, flux / jnp.where(below, full - fraction, 1.0), jnp.inf)
+    return fraction[jnp.argmin(speed)]
+
+
+def no_steeper(of: Table, slope: Array) -> Table:
+    """f~, the largest flux below f that has slopes up to `slope`, m/s."""
+    distance = jnp.abs(of.fraction[:, None] - of.fraction[None, :])
+    return Table(of.fraction, jnp.min(of.flux[None, :] + slope * distance, axis=1))
+
+
+class Godunov(NamedTuple):
+    """A flux with its extremes over 1, 2, 4, ... nodes from each: any range is two of them."""
+
+    table: Table
+    least: Array  # of f and of -f, (2, doublings, nodes)
+
+
+def godunov(of: Table) -> Godunov:
+    """Prepares the flux between cells."""
+    least = [jnp.stack([of.flux, -of.flux])]
+    while (width := 2 ** len(least)) <= of.flux.size:
+        last, half = least[-1], width // 2
+        shifted = jnp.concatenate([last[:, half:], last[:, -half:]], axis=1)
+        least.append(jnp.minimum(last, shifted))
+    return Godunov(of, jnp.stack(least, axis=1))
+
+
+def between_cells(by: Godunov, fraction: Array) -> Array:
+    """G between every cell and the one above it, downwards; (cells - 1,) in the flux's unit.
+
+    Args:
+      by: the flux.
+      fraction: of every cell from the lowest, (cells,).
+    """
+    node, flux, rises = _looked_up(by.table, fraction)
+    low, high = flux[:-1], flux[1:]
+    falls = fraction[:-1] >= fraction[1:]
+    kind, sign = jnp.where(falls, 0, 1), jnp.where(falls, 1.0, -1.0).astype(flux.dtype)
+    first = jnp.minimum(node[:-1], node[1:]) + 1
+    last = jnp.maximum(node[:-1], node[1:])
+    count = last - first + 1
+    # Of equal cells the one that the wave comes from, or derivatives would be unstable.
+    from_above = jnp.where(count > 0, sign * high < sign * low, rises[1:])
+    ends = sign * jnp.where(from_above, high, low)
+    # Two ranges of a power of two cover the nodes from first to last.
+    doubling = 31 - lax.clz(jnp.maximum(count, 1))
+    other = jnp.maximum(last + 1 - (1 << doubling), 0)
+    inner = jnp.minimum(by.least[kind, doubling, first], by.least[kind, doubling, other])
+    return sign * jnp.where((count > 0) & (inner < ends), inner, ends)
+
+
+def _looked_up(of: Table, fraction: Array) -> tuple[Array, Array, Array]:
+    """The node at or below each volume fraction, the flux, linear to the next, and if it rises."""
+    dense = fraction >= of.initial
+    origin = jnp.where(dense, of.initial, 0.0)
+    width = jnp.where(dense, of.densest - of.initial, of.initial) / INTERVALS
+    place = (fraction - origin) / width + jnp.where(dense, float(INTERVALS), 0.0)
+    node = jnp.clip(lax.stop_gradient(place).astype(jnp.int32), 0, 2 * INTERVALS - 1)
+    low, high = of.flux[node], of.flux[node + 1]
+    flux = low + (place - node.astype(place.dtype)) * (high - low)
+    return node, flux, high > low

@@ -1,0 +1,21 @@
+"""Measures the recovery page and writes it: `python -m tests.recovery`."""
+
+import jax
+
+from . import coverage, page
+
+
+def main() -> None:
+    """Fits all data sets, then writes README.md beside this file."""
+    jax.config.update("jax_enable_x64", True)
+    rows = [
+        row
+        for (experiment, model), sets in coverage.SETS.items()
+        for row in coverage.measured(experiment, model, sets)
+    ]
+    coverage.write(rows)
+    page.PAGE.write_text(page.text(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
