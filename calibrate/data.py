@@ -52,8 +52,8 @@ class FinalRatio(Sheet):
             raise ValueError(f"unit = {self.unit!r}: must be one of {', '.join(RATIO_UNITS)}")
         if self.value * RATIO_UNITS[self.unit] > 1.0:
             raise ValueError(
-                f"final_ratio.value = {self.value:g}: a bed is no higher than its suspension; for "
-                'per cent give unit = "%"'
+                f"final_ratio.value = {self.value:g}: must be at most 1, or 100 with unit = "
+                '"%": a bed is no higher than its suspension'
             )
         return self
 

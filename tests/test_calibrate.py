@@ -2,6 +2,7 @@
 
 from collections import OrderedDict
 from functools import partial
+from importlib import resources
 
 import jax.numpy as jnp
 import numpy as np
@@ -230,6 +231,132 @@ def test_a_wrong_experiment_gets_one_line(tmp_path, old, new, words):
     assert str(path) in message and "\n" not in message
     for word in words:
         assert word in message
+
+
+TUBE = """
+name = "tube"
+[[sample]]
+name = "A"
+recipe = "local.toml"
+height = 0.1
+curve = {file = "a.csv", time_unit = "h", unit = "mm", standard_deviation = 0.5}
+final_ratio = {value = 60.0, standard_deviation = 1.0, unit = "%"}
+[[parameter]]
+name = "f_w.exponent"
+median = 4.65
+log_standard_deviation = 0.2
+[[parameter]]
+name = "bed_fraction"
+median = 0.6
+bounds = [0.5, 0.7]
+standard_deviation = 0.05
+[[parameter]]
+name = "f_s"
+value = 1.1
+"""
+
+
+@pytest.fixture
+def tube(tmp_path):
+    """An experiment with a curve, a coefficient, bounds and a held value."""
+    recipe = (resources.files("mrjax.recipes") / "case2.toml").read_text("utf-8")
+    recipe = recipe.replace('f_w = "son2018"', 'f_w = "richardson-zaki"\nlocal = true')
+    (tmp_path / "local.toml").write_text(recipe)
+    (tmp_path / "a.csv").write_text("time,mudline\n1,99\n2,97\n24,80\n")
+    path = tmp_path / "tube.toml"
+    path.write_text(TUBE)
+    return path
+
+
+def test_an_experiment_with_a_curve(tube):
+    experiment = Experiment.load(tube)
+    (sample,) = experiment.samples
+    assert sample.height == 0.1 and sample.times == (3600.0, 7200.0, 86400.0)
+    assert [one.observable for one in sample.measurements] == ["final_ratio"] + 3 * ["mudline"]
+    exponent, bed = experiment.parameters
+    assert bed.value(bed.start) == near(0.6) and bed.start == near(1.0)
+    # d value / d ln x at the middle of the bounds is a quarter of their distance.
+    assert bed.per_log(bed.start) == near(0.05)
+    assert bed.prior.log_standard_deviation == near(1.0)
+    start = {exponent.variable: 5.0, bed.variable: 3.0}
+    suspension = experiment.suspension_of(sample, start)
+    fraction = sample.recipe.coated_volume_fraction
+    assert float(suspension.parameters.f_w) == near((1 - fraction) ** -5.0)
+    assert float(suspension.parameters.f_s) == 1.1
+    assert float(suspension.bed_fraction) == near(0.5 + 0.2 * 0.75)
+    assert float(suspension.hindrance(0.2)) == near(0.8**-5.0)
+
+
+def test_the_models_agree_where_all_of_them_apply(tube):
+    """Before the tube's bed is felt at its mudline: a straight line, whatever the model."""
+    experiment = Experiment.load(tube)
+    start = {one.variable: one.start for one in experiment.parameters}
+    closed, column = (
+        np.asarray(Problem.prepare(experiment, name).predict(start))
+        for name in ("closed-form", "column")
+    )
+    np.testing.assert_allclose(column[:3], closed[:3], rtol=1e-6)
+
+
+def test_particles_scale_the_times_of_one_run(case2):
+    """Without inertia a curve knows of time only t / f: the same run at twice the drag."""
+    recipe = case2.model_copy(update={"box": mrjax.Box((10e-6, 10e-6, 20e-6))})
+    measured = Measurement("sedimentation_ratio", 1.0, 1.0, "1", 1.0, 0)
+    sample = Sample("A", recipe, 1.0, None, (measured,), (2e4, 1e5, 1e9))
+    near_by = suspension(recipe, None, {})
+    predict = calibrate.FORWARD_MODELS["particles"](sample, near_by, 0, ("f_s",))
+    found = predict(near_by)
+    slower = predict(suspension(recipe, None, {"f_s": 1.01 * recipe.f_s}))
+    # A tube of 1 m, 50,000 boxes high: its top falls freely for a day.
+    fallen = float(mrjax.terminal_velocity(near_by.parameters)) * 8e4
+    ratio, later = found["sedimentation_ratio"], slower["sedimentation_ratio"]
+    # But for half of the first step, which is lost within the first frame: 3e-4.
+    assert float(ratio[0] - ratio[1]) == near(fallen, rel=1e-3)
+    assert float(later[0] - later[1]) == near(fallen / 1.01, rel=1e-3)
+    assert float((ratio[0] - ratio[1]) / (later[0] - later[1])) == near(1.01, rel=5e-4)
+    assert float(found["final_ratio"]) == near(float(found["sedimentation_ratio"][2]))
+    with pytest.raises(mrjax.InputError, match="friction changes the path of particles"):
+        calibrate.FORWARD_MODELS["particles"](sample, near_by, 0, ("friction",))
+
+
+@pytest.mark.parametrize(
+    "old, new, words",
+    [
+        ("height = 0.1\n", "", ["sample 'A'", "height is missing"]),
+        ('"a.csv"', '"b.csv"', ["b.csv: no such file"]),
+        ('"h"', '"week"', ["time_unit = 'week'", "one of s, min"]),
+        ('unit = "mm", s', 'unit = "%", s', ["unit = '%' is none of a mudline", "m, cm"]),
+        ("value = 60.0", "value = 160.0", ["100"]),
+        (', unit = "%"', "", ["final_ratio.value = 60", 'unit = "%"']),
+        ("f_w.exponent", "f_w.power", ["f_w.power", "no such coefficient", "f_w.exponent"]),
+        ("f_w.exponent", "f_w", ["local drag", "f_w.exponent"]),
+        ("bounds = [0.5, 0.7]", "bounds = [0.65, 0.7]", ["bounds", "either side of the median"]),
+        ("bounds = [0.5, 0.7]\n", "", ["standard_deviation = 0.05", "log_standard_deviation"]),
+        ("value = 1.1", "", ["parameter 'f_s'", "median", "value"]),
+        ("value = 1.1", "value = 1.1\nmedian = 1.2", ["parameter 'f_s'", "either"]),
+        ("height = 0.1", "height = 0.1\nbed_fraction = 0.6", ["bed_fraction = 0.6", "of its own"]),
+        ("height = 0.1", "height = 0.1\nbed_fraction = 60.0", ["bed_fraction = 60", "0 and 1"]),
+    ],
+)
+def test_a_wrong_tube_gets_one_line(tube, old, new, words):
+    assert old in TUBE
+    tube.write_text(TUBE.replace(old, new))
+    with pytest.raises(mrjax.InputError) as refusal:
+        Experiment.load(tube)
+    message = str(refusal.value)
+    assert "\n" not in message
+    for word in words:
+        assert word in message
+
+
+def test_a_bed_nobody_told_of_is_refused(tube):
+    lines = TUBE.split('[[parameter]]\nname = "bed_fraction"')
+    rest = lines[1].split("[[parameter]]")[1]
+    tube.write_text(f"{lines[0]}[[parameter]]{rest}")
+    experiment = Experiment.load(tube)
+    for name in ("closed-form", "column"):
+        with pytest.raises(mrjax.InputError, match="how densely its bed lies is not known"):
+            Problem.prepare(experiment, name)
 
 
 def test_a_prior_can_be_given_in_python(fang):

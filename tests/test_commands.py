@@ -124,7 +124,7 @@ def test_a_run_to_rest_is_summarised(at_rest):
     assert all(0.5 * heights["top"] < height <= heights["top"] for height in heights.values())
     assert summary["ensemble"] == 2 and summary["seed"] == 3 and summary["particles"] == 20
     assert 1e-10 < summary["softening"] < 1e-6
-    assert 0.05 / 2 < summary["deepest_overlap_radii"] < 0.05 * 1.6
+    assert 0.025 / 2 < summary["deepest_overlap_radii"] < 0.025 * 1.6
     assert 3.0 < summary["coordination_number"] < 6.5  # 6 without friction, less at walls
     assert 0 < summary["speed_at_rest_over_initial"] < 2e-3
     assert summary["steady"] is True and summary["notes"] == []
@@ -172,23 +172,53 @@ def test_calibrate_writes_its_files(tmp_path):
     assert "varies as 1 / (f_w * f_s * f_v)" in out
     fit = json.loads((tmp_path / "fit" / "fit.json").read_text())
     assert fit["converged"] is True and fit["model"] == "particles"
-    assert set(fit["parameters"]) == {"f_w", "f_s", "f_v"}
+    beds = ["bed_fraction[A]", "bed_fraction[B]"]
+    assert list(fit["parameters"]) == ["f_w", "f_s", "f_v", *beds]
     assert fit["parameters"]["f_w"]["determined"] is False
     assert fit["carried_by_priors_alone"] == ["f_w", "f_s"]
     assert fit["null_directions"] == ["f_w / f_s"]
-    first, second = fit["determined_combinations"]
+    first, second, *others = fit["determined_combinations"]
+    assert [one["expression"] for one in others] == beds
     assert first["expression"] == "f_w * f_s"
     assert abs(first["value"] - 61.4) < first["standard_error"]
     assert second["expression"] == "f_v"
-    for prediction, measured in zip(fit["predictions"], (8.0, 3.6), strict=True):
-        assert prediction["measured"] == measured and prediction["unit"] == "mm/day"
+    units = ("mm/day", "%", "mm/day", "%")
+    for prediction, measured, unit in zip(
+        fit["predictions"], (8.0, 78.0, 3.6, 90.0), units, strict=True
+    ):
+        assert prediction["measured"] == measured and prediction["unit"] == unit
         assert abs(prediction["predicted"] - measured) < prediction["sigma"]
     assert fit["model_runs"] > 0 and fit["wall_seconds"] > 0
     report = (tmp_path / "fit" / "report.md").read_text()
     assert "The fit converged." in report and "61.44 ± 0.77" in report
-    for figure in ("predictions.png", "loss.png"):
+    page = (tmp_path / "fit" / "report.html").read_text()
+    assert "<table>" in page and 'src="http' not in page
+    assert not (tmp_path / "fit" / "search.json").exists()
+    figures = ("predictions.png", "residuals.png", "profiles.png", "loss.png")
+    assert page.count('src="data:image/png;base64,') == len(figures)
+    for figure in figures:
         assert figure in report
         assert (tmp_path / "fit" / figure).read_bytes().startswith(b"\x89PNG")
+
+
+def test_calibrate_predicts_what_was_not_fitted(tmp_path):
+    status, out, err = run(
+        *("fang2005", "--model", "closed-form", "--leave-one-out", "--posterior"),
+        *("--predict", "case2", "--like", "A"),
+        module="calibrate",
+        folder=tmp_path,
+    )
+    assert status == 0, err
+    assert "B, not fitted: initial velocity 4.30 ± 0.86 mm/day predicted, 3.6 ± 0.1" in out
+    assert "case2, not fitted: initial velocity 7.995 ± 0.100 mm/day predicted." in out
+    fit = json.loads((tmp_path / "fit" / "fit.json").read_text())
+    assert [one["sample"] for one in fit["left_out"]] == ["A", "A", "B", "B"]
+    assert fit["posterior"]["converged"] is True and fit["posterior"]["r_hat"] < 1.01
+    f_s = fit["parameters"]["f_s"]  # all that is known of it is its prior
+    assert f_s["posterior"]["standard_deviation"] == near(1.1 * 0.05, rel=0.1)
+    low, high = f_s["profile"]["68 %"]
+    assert low < f_s["value"] < high
+    assert "posterior.png" in (tmp_path / "fit" / "report.md").read_text()
 
 
 def test_a_fit_of_misfitting_data_says_so_in_its_report(tmp_path):
@@ -254,6 +284,12 @@ def test_wrong_input_gets_one_line_and_status_2(tmp_path, name):
     for word in words:
         assert word in err
     assert (tmp_path / "file").read_text() == "not a folder"
+
+
+def test_a_prediction_must_say_what_it_is_like(tmp_path):
+    status, out, err = run("fang2005", "--predict", "case1", module="calibrate", folder=tmp_path)
+    assert (status, out) == (2, "") and err.count("\n") == 1
+    assert "--predict case1" in err and "--like, one of A, B" in err
 
 
 def test_a_wrong_experiment_gets_one_line_and_status_2(tmp_path):

@@ -192,7 +192,7 @@ def test_a_prediction_along_a_direction_that_nothing_bounds_is_open(fang):
 
 def test_intervals_hold_the_truth_as_often_as_they_say():
     """The closed form, all of it; the limits are those of chance, one in a hundred."""
-    rows = coverage.measured("fang2005", "closed-form", coverage.SETS["fang2005", "closed-form"])
+    rows = coverage.measured("fang2005", "closed-form", coverage.PROFILE, 200)
     for one in coverage.held(rows).values():
         assert one["converged"] == one["sets"] == 200
         for level in ("68 %", "95 %"):
@@ -203,9 +203,9 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
 def test_the_page_of_recovery_shows_what_was_measured():
     assert page.text() == page.PAGE.read_text("utf-8")
     measured = coverage.held(coverage.known())
-    assert {key[:2] for key in measured} == set(coverage.SETS)
+    assert {key[:3] for key in measured} == set(coverage.SETS)
     for key, one in measured.items():
-        assert one["converged"] == one["sets"] == coverage.SETS[key[:2]]
+        assert one["converged"] == one["sets"] == coverage.SETS[key[:3]]
         for level in ("68 %", "95 %"):
             low, high = coverage.limits(one["sets"], level)
             assert low <= one[level] <= high

@@ -10,8 +10,8 @@ def main() -> None:
     jax.config.update("jax_enable_x64", True)
     rows = [
         row
-        for (experiment, model), sets in coverage.SETS.items()
-        for row in coverage.measured(experiment, model, sets)
+        for (experiment, model, by), sets in coverage.SETS.items()
+        for row in coverage.measured(experiment, model, by, sets)
     ]
     coverage.write(rows)
     page.PAGE.write_text(page.text(), encoding="utf-8")

@@ -18,6 +18,7 @@ def text() -> str:
         [
             experiment,
             model,
+            by,
             f"`{parameter}`",
             one["sets"],
             one["converged"],
@@ -28,12 +29,13 @@ def text() -> str:
                 for low, high in [coverage.limits(one["sets"], level)]
             ),
         ]
-        for (experiment, model, parameter), one in coverage.held(coverage.known()).items()
+        for (experiment, model, by, parameter), one in coverage.held(coverage.known()).items()
     ]
     table = markdown_table(
         [
             "experiment",
             "model",
+            "intervals by",
             "parameter",
             "sets",
             "converged",
@@ -45,7 +47,8 @@ def text() -> str:
     return f"""# Recovery
 
 Synthetic data sets with noise: truths drawn from the priors, data from the model with the stated
-errors. How many of the intervals of the profile likelihood hold the truth, and in brackets how many
-should, but for chance of one in a hundred. Made by `python -m tests.recovery`.
+errors. How many of the stated intervals hold the truth, and in brackets how many should, but for a
+chance of one in a hundred: those of the profile likelihood, or one and 1.96 standard errors from the
+curvature at the optimum. Made by `python -m tests.recovery`.
 
 {table}"""
