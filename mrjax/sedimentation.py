@@ -20,7 +20,7 @@ from mrjax.soften import softened
 
 OVERLAP = 0.025
 """Greatest overlap of a bed at rest, in contact radii: with half of it, 314 particles rest as high
-but for the standard error of six starts; with twice of it, two points lower."""
+but for the standard error of six starts; with twice of it, one to two points lower."""
 
 
 @dataclass(frozen=True)

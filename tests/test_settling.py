@@ -1,13 +1,24 @@
-"""The settling page keeps its bars, shows what was measured, and the beds are as measured."""
+"""The settling page shows what was measured, keeps its bars, and its beds are those of the code.
 
+What falls short of its bar is said on the page and is not asserted here: that half of the allowed
+overlap moves a bed by less than the standard error is, for the default; at twice of it, it does.
+"""
+
+import json
+
+import numpy as np
 import pytest
 from settling import beds, page
 
-PAGE = page.FOLDER / "README.md"
+from mrjax.dropped import dropped
+
+
+def numbers(file):
+    return json.loads((page.FOLDER / file).read_text("utf-8"))
 
 
 def test_the_page_shows_what_was_measured():
-    assert page.text() == PAGE.read_text("utf-8")
+    assert page.text() == (page.FOLDER / "README.md").read_text("utf-8")
     for name in page.figures():
         assert f"({name})" in page.text()
         assert (page.FOLDER / name).stat().st_size > 5000
@@ -22,16 +33,39 @@ def test_dropped_beds_are_as_high_as_those_of_liggghts(condition):
 
 @pytest.mark.parametrize("sample", beds.SAMPLES)
 def test_the_printed_final_ratios_at_one_friction_coefficient(sample):
-    bed = page.ours("dropped", sample, "walls", 0.2)
+    bed = page.ours("dropped", sample, "walls", beds.SCANNED[0])
     assert abs(bed.mean() - 100 * page.PRINTED[sample]) < page.NEAR_PRINTED
 
 
-def test_a_dropped_bed_is_one_of_those_on_the_page(case2):
-    """The first start again: another machine rounds otherwise, and a bed remembers it. Within
-    four standard deviations of the ensemble."""
-    known = page.ours("dropped", "case2", "walls", 0.3)
-    from mrjax.dropped import dropped
+@pytest.mark.parametrize("variant", beds.VARIANTS)
+def test_what_must_not_matter(variant):
+    moved = page.independence()[variant]
+    error = page.ours("settled", "case2", "walls", beds.SCANNED[0]).error()
+    assert abs(moved["moved"]) < error
+    if variant != beds.HALF:
+        assert moved["curve"] < 0.1 * error
 
+
+def test_gradients_of_the_curve_keep_to_the_exact_law():
+    found = numbers("gradients.json")
+    assert np.abs(found["law"]).max() < 1e-2
+    assert np.abs(found["law_without_friction"]).max() < 1e-3
+    assert abs(found["reverse"]) < 1e-9
+    nearest = np.min([np.abs(one["error"]) for one in found["differences"]], axis=0)
+    assert nearest.max() < 5e-3
+    assert found["doubled"]["times"] < 1e-12 and found["doubled"]["ratios"] < 1e-9
+
+
+def test_particles_keep_to_kynch():
+    found = numbers("kynch.json")
+    for quantity in ("interface", "front", "meeting"):
+        assert abs(found[quantity] - 1.0) < 0.03
+
+
+def test_a_dropped_bed_is_one_of_those_on_the_page(case2):
+    """The first start again. Another machine rounds otherwise, and a bed remembers it: within four
+    standard deviations of the ensemble."""
+    known = page.ours("dropped", "case2", "walls", 0.3).values("top")
     run = dropped(case2, [0], friction=0.3)
-    ratio = 100 * float(run.mudline[0, -1]) / case2.box.height / 1e0
-    assert abs(ratio - known.mean()) < 4 * known.values("top").std(ddof=1)
+    ratio = 100 * float(run.mudline[0, -1]) / case2.box.height
+    assert abs(ratio - known.mean()) < 4 * known.std(ddof=1)

@@ -48,7 +48,7 @@ def text() -> str:
 
 Synthetic data sets with noise: truths drawn from the priors, data from the model with the stated
 errors. How many of the stated intervals hold the truth, and in brackets how many should, but for a
-chance of one in a hundred: those of the profile likelihood, or one and 1.96 standard errors from the
-curvature at the optimum. Made by `python -m tests.recovery`.
+chance of one in a hundred: those of the profile likelihood, or one and 1.96 standard errors from
+the curvature at the optimum. Made by `python -m tests.recovery`.
 
 {table}"""
