@@ -10,7 +10,7 @@ from mrjax import observe
 from mrjax.files import markdown_table
 from mrjax.sedimentation import OVERLAP
 
-from . import beds
+from . import beds, kynch
 from .beds import AS_IS, FRICTIONS, SAMPLES, SCANNED, SIDES, TWICE, VARIANTS
 
 FOLDER = Path(__file__).parent
@@ -306,13 +306,15 @@ Reverse mode gives the same derivative of the sum of these heights to {abs(found
 Later, while the bed takes in the last particles and creeps, sticking and slipping:
 
 {late}
-**Where the curve stops being smooth.** Contacts that begin, and springs that yield, within a step
-make the computed curve rough on the scale of a step, some 1e-4 of the time; every contact that
-slips makes what follows more sensitive. The derivative stays that of the steps which were done, but
-in a creeping bed with friction single avalanches decide, which the smallest change moves: the
-derivative of one history is not that of the mean, and neither a shorter step nor a central
-difference mends it. There use the law itself, which is exact, -t dh/dt from the curve; for what has
-no law, differences between means of ensembles.
+**Where the curve stops being smooth.** A spring of friction begins to stretch in the step in which
+its contact is found, and where contacts begin and springs yield moves from step to step as a
+parameter changes. So the computed curve has jumps on the scale of a step, some 1e-4 of the time:
+central differences over less agree with the derivative, those over more see the jumps, too, and
+the law. What the derivative misses does not vanish with the step, as there are the more jumps the
+smaller they are; it grows with the number of frictional contacts that have begun. Without friction
+there are none, and the error falls with the step. Late in a creeping bed single avalanches decide,
+and the derivative of one history is nothing like that of the mean. There use the law itself,
+-t dh/dt from the curve; for what has no law, differences between means of ensembles.
 
 Memory that the compiled programs hold at once (314 particles):
 
@@ -335,10 +337,10 @@ def _of_kynch() -> str:
     return f"""## Kynch's theory
 
 Means of {found["starts"]} random suspensions of {found["particles"]} particles in a periodic
-column 6 by 6 by 120 diameters, phi = 0.1, local drag by Richardson & Zaki with n = 4.65, no
-friction. The bed packs to {found["bed_fraction"]:.3f} while
-it grows. Here suspension and bed meet in one shock; at phi = 0.2 they would not, as the flux then
-dips below the chord, and a bed grows through a fan of fractions instead.
+column {kynch.WIDTH} by {kynch.WIDTH} by {kynch.HEIGHT} diameters, phi = {kynch.FRACTION}, local
+drag by Richardson & Zaki with n = {kynch.EXPONENT}, no friction. The bed packs to
+{found["bed_fraction"]:.3f} while it grows. Here suspension and bed meet in one shock; at phi = 0.2
+they would not, as the flux then dips below the chord, and a bed grows through a fan of fractions.
 
 {table}
 ![Kynch](kynch.png)
@@ -386,7 +388,7 @@ def _kynch_figure() -> Figure:
     found = json.loads((FOLDER / "kynch.json").read_text("utf-8"))
     figure = Figure(figsize=(5.0, 3.6), layout="constrained")
     axes = figure.subplots()
-    meets = 0.1 / found["bed_fraction"]
+    meets = kynch.FRACTION / found["bed_fraction"]
     axes.plot([0, 1], [1, meets], color="0.6", label="Kynch")
     axes.plot([0, 1, max(found["times"])], [0, meets, meets], color="0.6")
     axes.plot(found["times"], found["mudline"], ".", ms=3, label="interface, particles")
