@@ -98,7 +98,12 @@ def profiles_figure(problem: Problem, profiles: tuple[Profile, ...]) -> Figure:
     axes_of = figure.subplots(1, len(profiles), squeeze=False, sharey=True)[0]
     for axes, profile in zip(axes_of, profiles, strict=True):
         one = of[profile.name]
-        axes.plot([one.value(x) for x in profile.values], profile.increase, color="black")
+        # Between its points a profile is a parabola: its root is straight.
+        away = np.sign(np.linspace(-1.0, 1.0, len(profile.values)))
+        root = away * np.sqrt(np.maximum(profile.increase, 0.0))
+        logs = np.linspace(*np.log(profile.values[[0, -1]]), 200)
+        increase = np.interp(logs, np.log(profile.values), root) ** 2
+        axes.plot([one.value(x) for x in np.exp(logs)], increase, color="black")
         for coverage, level in LEVELS.items():
             axes.axhline(level, color="0.6", lw=0.8)
             axes.annotate(coverage, (1.0, level), xycoords=("axes fraction", "data"), ha="right")

@@ -67,7 +67,15 @@ def calibrated(axes) -> None:
     problem = calibrate.Problem.prepare(calibrate.Experiment.load("fang2005"), "particles")
     fit = calibrate.fit(problem.residuals, problem.start, priors=problem.priors)
     product = calibrate.identify(fit).combinations[0]
-    measured = [one for _, one in problem.measurements]
+    velocities = [
+        place
+        for place, (_, one) in enumerate(problem.measurements)
+        if one.observable == "initial_velocity"
+    ]
+    measured = [problem.measurements[place][1] for place in velocities]
+    before, after = (
+        np.asarray(problem.predict(theta))[velocities] for theta in (problem.start, fit.theta)
+    )
     places = np.arange(len(measured))
     axes.errorbar(
         places,
@@ -77,10 +85,8 @@ def calibrated(axes) -> None:
         capsize=4,
         label="measured (Fang 2005)",
     )
-    axes.plot(places - 0.15, problem.predict(problem.start), "^", color="0.6", label="before")
-    axes.plot(
-        places + 0.15, problem.predict(fit.theta), "D", color="0.6", mec="black", label="fitted"
-    )
+    axes.plot(places - 0.15, before, "^", color="0.6", label="before")
+    axes.plot(places + 0.15, after, "D", color="0.6", mec="black", label="fitted")
     axes.set_xticks(places, ["sample A", "sample B"])
     axes.set(xlim=(-0.6, 1.6), ylim=(0, 11), ylabel="settling velocity, mm/day")
     axes.legend(frameon=False)
