@@ -23,7 +23,7 @@ PROFILE, CURVATURE = "profile", "curvature"
 SETS = {
     ("fang2005", "closed-form", PROFILE): 200,
     ("synthetic", "column", CURVATURE): 40,
-    ("fang2005", "particles", PROFILE): 40,
+    ("fang2005", "particles", CURVATURE): 20,
 }
 """Number of data sets, by experiment, model and how intervals are found: by profile likelihood, or
 as standard errors from the curvature at the optimum, which takes a tenth of the time."""
