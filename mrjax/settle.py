@@ -67,7 +67,8 @@ def settle(
       parameters: of particles, fluid and contact.
       box: the container.
       frames: recorded in the expected duration; a run has more where it takes longer.
-      rest: mean speed of the particles at which they rest, over the speed at which they fall.
+      rest: mean speed of the particles at which they rest, over that at which one falls alone, or
+        over the greatest there was, if that is less.
       longest: duration after which to give up, s; left out, 20 times the expected one.
       time_step: longest step, s; left out, what a random bed under its weight is stable at.
       skin, rebuild_every, hindrance: as for `simulate`.
@@ -90,7 +91,6 @@ def settle(
     longest = PATIENCE * expected if longest is None else checks.positive(longest, "longest", "s")
     if time_step is None:
         time_step = min(interval, _bearable_step(each[0], parameters, hindrance, box, falling))
-    slow = rest * falling
     while True:
         setup = prepared(
             each[0],
@@ -104,7 +104,8 @@ def settle(
             rebuild_every=rebuild_every,
             touch=True,
         )
-        follow = partial(_until_rest, parameters, hindrance, box, setup, slow, longest, progress)
+        speeds = rest, falling
+        follow = partial(_until_rest, parameters, hindrance, box, setup, speeds, longest, progress)
         runs = _side_by_side(follow, each)
         if all(int(run.fault) != Fault.UNSTABLE for run in runs):
             break
@@ -130,13 +131,14 @@ def _until_rest(
     hindrance: Hindrance | None,
     box: Box,
     setup: Setup,
-    slow: float,
+    speeds: tuple[float, float],
     longest: float,
     progress: bool,
     place: int,
     state: State,
 ) -> Run:
-    """Part after part until the particles are slow, m/s; where one has a fault, that part alone."""
+    """Part after part until the particles rest; where one has a fault, that part alone."""
+    rest, falling = speeds
     now, parts, fastest = _ready(state, box, setup), [], 0.0
     with _bar(progress, place) as bar:
         while True:
@@ -150,6 +152,7 @@ def _until_rest(
             parts.append(part)
             now, speed = part.state, np.asarray(part.mean_speed)
             fastest, time = max(fastest, speed.max()), setup.duration * len(parts)
+            slow = rest * min(falling, fastest)
             bar.set_postfix_str(
                 f"{time:.3g} s, {speed[-1] / fastest:.2%} of the greatest speed", False
             )

@@ -306,9 +306,9 @@ Reverse mode gives the same derivative of the sum of these heights to {abs(found
 Later, while the bed takes in the last particles and creeps, sticking and slipping:
 
 {late}
-**Where the curve stops being smooth.** The likely reason, not proved: a spring of friction begins to
-stretch in the step in which its contact is found, and where contacts begin and springs yield moves
-from step to step as a parameter changes. So the computed curve has jumps on the scale of a step:
+**Where the curve stops being smooth.** The likely reason, not proved: a spring of friction begins
+to stretch in the step in which its contact is found, and where contacts begin and springs yield
+moves from step to step as a parameter changes. So the computed curve has jumps on the scale of a step:
 central differences over less agree with the derivative, those over more see the jumps, too, and
 the law. What the derivative misses does not vanish with the step, as there are the more jumps the
 smaller they are; it grows with the number of frictional contacts that have begun. Without friction
