@@ -73,8 +73,10 @@ class Fit:
     everything: Callable[[Array, Any], Array] | None = None
     """Residuals of measurements and priors, (M + K,), for logarithms of the values, (P,), and
     `given`."""
+    linearised: Callable[[Array, Any], tuple[Array, Array]] | None = None
+    """Their Jacobian and they themselves, of the same; compiled."""
     given: Any = None
-    """Data and priors, as `everything` takes them."""
+    """Data and priors, as both take them."""
 
     @property
     def chi_squared(self) -> float:
@@ -169,6 +171,7 @@ def fit(
             if np.isfinite(other[0]) and other[0] - loss > 0.5  # by chi-squared of one
         ),
         everything=compiled.everything,
+        linearised=compiled.linearised,
         given=given,
     )
 

@@ -4,15 +4,9 @@ The other values follow. Unlike an error bar from the curvature at the optimum t
 that bends, or ends in nothing.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
-from typing import Any
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jax import Array
 
 from calibrate.fit import Fit
 from calibrate.identify import identify, information
@@ -22,7 +16,7 @@ LEVELS = {"68 %": 1.0, "95 %": 3.841459}
 """Increase of chi-squared at the ends of an interval, by its coverage."""
 REACH, POINTS = 4.0, 9
 """Of a profile, in standard errors to either side; its number of points."""
-GAUSS_NEWTON_STEPS = 3
+GAUSS_NEWTON_STEPS = 2
 """From where a straight valley leads, which is near."""
 
 
@@ -54,49 +48,41 @@ def profiles(fit: Fit) -> tuple[Profile, ...]:
 
 
 def _profile(fit: Fit, place: int, name: str, error: float) -> Profile:
-    best = jnp.log(jnp.asarray(fit.values))
+    best = np.log(fit.values)
     curved = information(fit)
-    free = tuple(other for other in range(best.size) if other != place)
+    free = np.array([other for other in range(best.size) if other != place], int)
     # Where a straight valley leads.
     along = np.zeros(best.size)
     along[place] = 1.0
     within = curved[np.ix_(free, free)]
-    along[list(free)] = -np.linalg.pinv(within, hermitian=True) @ curved[list(free), place]
+    along[free] = -np.linalg.pinv(within, hermitian=True) @ curved[free, place]
+    offsets = np.linspace(-REACH * error, REACH * error, POINTS)
     with permissive():
-        lowest = float(jnp.sum(fit.everything(best, fit.given) ** 2))
-        offsets = jnp.linspace(-REACH * error, REACH * error, POINTS)
-        starts = best + offsets[:, None] * jnp.asarray(along)
-        increase = np.asarray(_held(fit.everything, free, starts, fit.given)) - lowest
-    values = fit.values[place] * np.exp(np.asarray(offsets))
+        lowest = _held(fit, free, best, steps=0)
+        increase = np.array(
+            [_held(fit, free, best + offset * along, GAUSS_NEWTON_STEPS) for offset in offsets]
+        )
+    increase -= lowest
+    values = fit.values[place] * np.exp(offsets)
     intervals = {coverage: _interval(values, increase, level) for coverage, level in LEVELS.items()}
     return Profile(name, values, increase, intervals)
 
 
-@partial(jax.jit, static_argnames=("everything", "free"))
-def _held(everything: Callable, free: tuple[int, ...], starts: Array, given: Any) -> Array:
-    """Least chi-squared from each of the starts, (K, P), where only the free ones follow; (K,)."""
-    places = np.array(free, int)
+def _held(fit: Fit, free: np.ndarray, logs: np.ndarray, steps: int) -> float:
+    """Least chi-squared from these logarithms, (P,), where only the free ones follow.
 
-    def lowest(start: Array) -> Array:
-        def residuals(logs: Array) -> Array:
-            return everything(start.at[places].set(logs), given)
-
-        def with_value(logs: Array) -> tuple[Array, Array]:
-            value = residuals(logs)
-            return value, value
-
-        def improved(_, reached: tuple[Array, Array]) -> tuple[Array, Array]:
-            logs, least = reached
-            jacobian, value = jax.jacfwd(with_value, has_aux=True)(logs)
-            step, *_ = jnp.linalg.lstsq(jacobian, -value)
-            return logs + step, jnp.minimum(least, value @ value)
-
-        reached = start[places], jnp.asarray(jnp.inf, start.dtype)
-        if free:
-            reached = jax.lax.fori_loop(0, GAUSS_NEWTON_STEPS, improved, reached)
-        return jnp.minimum(reached[1], jnp.sum(residuals(reached[0]) ** 2))
-
-    return jax.lax.map(lowest, starts)
+    Every step is one call of a program that the fit has compiled.
+    """
+    least = np.inf
+    for _ in range(steps + 1):
+        jacobian, value = map(np.asarray, fit.linearised(logs, fit.given))
+        least = min(least, float(value @ value))
+        if not np.isfinite(jacobian).all() or not free.size:
+            break
+        step, *_ = np.linalg.lstsq(jacobian[:, free], -value, rcond=None)
+        logs = logs.copy()
+        logs[free] += step
+    return least
 
 
 def _interval(values: np.ndarray, increase: np.ndarray, level: float) -> tuple[float, float]:
