@@ -158,7 +158,8 @@ def test_a_run_to_rest_writes_the_mean_curve(at_rest):
     assert last["standard_error_of_ratio"] == near(summary["final_ratio_standard_error"])
     assert last["mudline_m"] == near(20e-6 * summary["final_ratio"])
     ratios = [float(row["sedimentation_ratio"]) for row in rows]
-    assert ratios[0] == near(1.0, rel=0.05) and ratios[-1] == min(ratios)
+    # Particles that move below may lift the highest: by less than 1e-4 of the box.
+    assert ratios[0] == near(1.0, rel=0.05) and ratios[-1] < min(ratios) + 1e-4
     assert (at_rest / "settling.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -297,7 +298,7 @@ def test_a_wrong_experiment_gets_one_line_and_status_2(tmp_path):
     assert (status, out) == (2, "")
     assert err == (
         "mrjax-calibrate: fang2006: no such file, and no bundled experiment; "
-        "did you mean fang2005? give a TOML file or one of fang2005\n"
+        "did you mean fang2005? give a TOML file or one of fang2005, synthetic\n"
     )
 
 
