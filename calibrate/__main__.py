@@ -104,9 +104,12 @@ def cli(
     held = profiles(fitted) if usable else ()
     samples = sampled(fitted, seed) if posterior and usable else None
     result = report.summary(problem, fitted, identify(fitted), predicted, held, samples)
+    fault = None
     if leave_one_out:
-        left_out = forecast.leave_one_out(loaded, model, seed)
-        result["left_out"] = report.forecasts(left_out)
+        try:
+            result["left_out"] = report.forecasts(forecast.leave_one_out(loaded, model, seed))
+        except SimulationError as error:  # the fit itself is written all the same
+            fault = error
     if new is not None and usable:
         result["new"] = report.forecasts(forecast.forecast(new[0], fitted, new[1], model, seed))
     result |= {
@@ -140,6 +143,8 @@ def cli(
             f"the fit did not converge in {fitted.model_runs} model runs; what {folder} holds is "
             "marked so: start nearer, or check the data for values that contradict each other"
         )
+    if fault is not None:
+        raise fault
     if samples is not None and not samples.converged:
         raise SimulationError(
             f"the samples of the posterior did not converge; what {folder} holds of them is marked "

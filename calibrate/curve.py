@@ -11,22 +11,14 @@ its own error.
 import csv
 import math
 from pathlib import Path
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
-from pydantic import Field, field_validator
+from pydantic import Field
 
+from calibrate.units import CURVES, HEIGHT_UNITS, RATIO_UNITS, TIME_UNITS, one_of
 from mrjax import InputError
 from mrjax.sheets import Sheet
 
-TIME_UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "day": 86400.0}
-"""Seconds in one unit."""
-HEIGHT_UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}
-"""Metres in one unit of the mudline."""
-RATIO_UNITS = {"1": 1.0, "%": 1e-2}
-"""One unit of the sedimentation ratio."""
-
-UNITS = {"mudline": HEIGHT_UNITS, "sedimentation_ratio": RATIO_UNITS}
-"""What a curve may be of, and in which units."""
 ERROR = "standard_deviation"
 
 
@@ -34,8 +26,10 @@ class CurveSheet(Sheet):
     """Where a curve is, and what its columns mean."""
 
     file: str = Field(description="a CSV file, as a path from this file")
-    time_unit: str = Field(description=f"one of {', '.join(TIME_UNITS)}")
-    unit: str = Field(
+    time_unit: Annotated[str, one_of(TIME_UNITS)] = Field(
+        description=f"one of {', '.join(TIME_UNITS)}"
+    )
+    unit: Annotated[str, one_of(HEIGHT_UNITS | RATIO_UNITS)] = Field(
         description=f"of the mudline, one of {', '.join(HEIGHT_UNITS)}; of the ratio, 1 or %"
     )
     standard_deviation: float | None = Field(
@@ -43,21 +37,6 @@ class CurveSheet(Sheet):
         gt=0,
         description="the uncertainty of every point in this unit, above zero",
     )
-
-    @field_validator("time_unit")
-    @classmethod
-    def _known_time(cls, unit: str) -> str:
-        if unit not in TIME_UNITS:
-            raise ValueError(f"time_unit = {unit!r}: must be one of {', '.join(TIME_UNITS)}")
-        return unit
-
-    @field_validator("unit")
-    @classmethod
-    def _known(cls, unit: str) -> str:
-        if unit not in HEIGHT_UNITS | RATIO_UNITS:
-            known = ", ".join(HEIGHT_UNITS | RATIO_UNITS)
-            raise ValueError(f"unit = {unit!r}: must be one of {known}")
-        return unit
 
 
 class Curve(NamedTuple):
@@ -88,7 +67,7 @@ def read(sheet: CurveSheet, folder: Path) -> Curve:
     columns = _columns(path, header[1], sheet)
     if len(lines) < 2:
         raise InputError(f"{path}: has {len(lines)} rows of numbers; give at least 2")
-    observable = next(name for name in UNITS if name in columns)
+    observable = next(name for name in CURVES if name in columns)
     times, values, errors = [], [], []
     for number, cells in lines:
         at = f"{path}, line {number}"
@@ -99,9 +78,9 @@ def read(sheet: CurveSheet, folder: Path) -> Curve:
             )
         row = {name: _number(at, name, cell) for name, cell in zip(columns, cells, strict=True)}
         error = row.get(ERROR, sheet.standard_deviation)
-        for name, value, least in (("time", row["time"], 0.0), (observable, row[observable], 0.0)):
-            if value < least:
-                raise InputError(f"{at}: {name} = {value:g} is negative; mend the row")
+        for name in ("time", observable):
+            if row[name] < 0.0:
+                raise InputError(f"{at}: {name} = {row[name]:g} is negative; mend the row")
         if not error > 0:
             raise InputError(
                 f"{at}: {ERROR} = {error:g} must be above zero; give the error of the reading"
@@ -121,7 +100,7 @@ def read(sheet: CurveSheet, folder: Path) -> Curve:
         values,
         errors,
         sheet.unit,
-        UNITS[observable][sheet.unit],
+        CURVES[observable][sheet.unit],
     )
 
 
@@ -150,23 +129,23 @@ def _columns(path: Path, header: list[str], sheet: CurveSheet) -> list[str]:
             f"{path}, line 1: columns are separated by semicolons; save with commas, and decimals "
             "with a point"
         )
-    known = {"time", *UNITS, ERROR}
+    known = {"time", *CURVES, ERROR}
     for name in header:
         if name not in known:
             raise InputError(
                 f"{path}, line 1: column {name!r} is not known; the header is time, then mudline "
                 f"or sedimentation_ratio, then {ERROR} if points have their own"
             )
-    of_height = [name for name in header if name in UNITS]
+    of_height = [name for name in header if name in CURVES]
     if "time" not in header or len(of_height) != 1 or len(set(header)) != len(header):
         raise InputError(
             f"{path}, line 1: the header is {', '.join(header) or 'missing'}; give time and one of "
-            f"{' or '.join(UNITS)}"
+            f"{' or '.join(CURVES)}"
         )
-    if sheet.unit not in UNITS[of_height[0]]:
+    if sheet.unit not in CURVES[of_height[0]]:
         raise InputError(
             f"{path}: unit = {sheet.unit!r} is none of a {of_height[0]}; give one of "
-            f"{', '.join(UNITS[of_height[0]])}"
+            f"{', '.join(CURVES[of_height[0]])}"
         )
     if ERROR not in header and sheet.standard_deviation is None:
         raise InputError(

@@ -2,26 +2,18 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 from jax.typing import ArrayLike
 from pydantic import Field, field_validator, model_validator
 
 from calibrate import curve
-from calibrate.curve import RATIO_UNITS, CurveSheet
+from calibrate.curve import CurveSheet
 from calibrate.fitted import Fitted, ParameterSheet, fitted
 from calibrate.suspension import BED, CLOSURE, Suspension, refuse_unknown, suspension
+from calibrate.units import RATIO_UNITS, VELOCITY_UNITS, one_of
 from mrjax import InputError, Recipe, sheets
 from mrjax.sheets import Sheet
-
-VELOCITY_UNITS = {
-    "m/s": 1.0,
-    "um/s": 1e-6,
-    "mm/s": 1e-3,
-    "mm/h": 1e-3 / 3600,
-    "mm/day": 1e-3 / 86400,
-}
-"""SI value of one unit."""
 
 
 class InitialVelocity(Sheet):
@@ -29,14 +21,9 @@ class InitialVelocity(Sheet):
 
     value: float = Field(gt=0, description="the measured velocity, above zero")
     standard_deviation: float = Field(gt=0, description="its uncertainty, above zero")
-    unit: str = Field(description=f"one of {', '.join(VELOCITY_UNITS)}")
-
-    @field_validator("unit")
-    @classmethod
-    def _known(cls, unit: str) -> str:
-        if unit not in VELOCITY_UNITS:
-            raise ValueError(f"unit = {unit!r}: must be one of {', '.join(VELOCITY_UNITS)}")
-        return unit
+    unit: Annotated[str, one_of(VELOCITY_UNITS)] = Field(
+        description=f"one of {', '.join(VELOCITY_UNITS)}"
+    )
 
 
 class FinalRatio(Sheet):
@@ -44,12 +31,10 @@ class FinalRatio(Sheet):
 
     value: float = Field(gt=0, description="the measured ratio, above zero")
     standard_deviation: float = Field(gt=0, description="its uncertainty, above zero")
-    unit: str = Field(default="1", description="1 or %")
+    unit: Annotated[str, one_of(RATIO_UNITS)] = Field(default="1", description="1 or %")
 
     @model_validator(mode="after")
     def _a_ratio(self):
-        if self.unit not in RATIO_UNITS:
-            raise ValueError(f"unit = {self.unit!r}: must be one of {', '.join(RATIO_UNITS)}")
         if self.value * RATIO_UNITS[self.unit] > 1.0:
             raise ValueError(
                 f"final_ratio.value = {self.value:g}: must be at most 1, or 100 with unit = "

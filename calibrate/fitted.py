@@ -4,7 +4,6 @@ The fit works with positive numbers x and their logarithms. A quantity that is p
 is its own x. One between bounds a and b has the odds x = (value - a) / (b - value).
 """
 
-import math
 from dataclasses import dataclass
 
 from jax import Array
@@ -123,7 +122,6 @@ def fitted(sheet: ParameterSheet, names: list[str]) -> list[Fitted]:
         # d ln x = d value (b - a) / ((value - a) (b - value))
         left, right = sheet.median - lower, upper - sheet.median
         spread = sheet.standard_deviation * (upper - lower) / (left * right)
-        assert math.isfinite(spread)
     of = (sheet.median, spread, bounds)
     if not sheet.per_sample:
         return [Fitted(sheet.name, sheet.name, samples, *of)]

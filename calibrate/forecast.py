@@ -12,12 +12,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from calibrate.data import VELOCITY_UNITS, Experiment, Measurement, Sample
+from calibrate.data import Experiment, Measurement, Sample
 from calibrate.fit import Fit, fit
 from calibrate.identify import RANK_TOLERANCE, covariance, information
-from calibrate.predict import FORWARD_MODELS
+from calibrate.predict import FORWARD_MODELS, as_measured
 from calibrate.residuals import Problem
-from mrjax import InputError, Recipe
+from calibrate.suspension import BED
+from calibrate.units import VELOCITY_UNITS
+from mrjax import InputError, Recipe, SimulationError
 from mrjax.permissive import permissive
 
 
@@ -61,12 +63,7 @@ def forecast(
 
     def predicted(logs):
         theta = OrderedDict(zip(names, jnp.exp(logs), strict=True))
-        of_sample = predict(experiment.suspension_of(sample, theta))
-        values = [
-            of_sample[one.observable] if one.place is None else of_sample[one.observable][one.place]
-            for one in sample.measurements
-        ]
-        return jnp.stack([jnp.asarray(value, float) for value in values])
+        return jnp.stack(as_measured(sample, predict(experiment.suspension_of(sample, theta))))
 
     with permissive():
         values = np.asarray(jax.jit(predicted)(jnp.asarray(logs)))
@@ -76,7 +73,7 @@ def forecast(
     unbounded = (np.abs(slopes @ open_ends) > RANK_TOLERANCE**0.5 * size).any(axis=1)
     errors[unbounded] = np.inf
     return [
-        Forecast(sample.name, one, value / one.si, error / one.si)
+        Forecast(sample.name, one, value, error)
         for one, value, error in zip(sample.measurements, values, errors, strict=True)
     ]
 
@@ -86,6 +83,7 @@ def leave_one_out(experiment: Experiment, model: str, seed: int = 0) -> list[For
 
     Raises:
       InputError: there is only one sample.
+      SimulationError: a fit without one of the samples did not converge.
     """
     if len(experiment.samples) < 2:
         raise InputError(f"{experiment.name}: has one sample; leaving it out leaves nothing to fit")
@@ -94,6 +92,11 @@ def leave_one_out(experiment: Experiment, model: str, seed: int = 0) -> list[For
         rest = without(experiment, sample.name)
         problem = Problem.prepare(rest, model, seed)
         fitted = fit(problem.residuals, problem.start, priors=problem.priors)
+        if not fitted.converged:
+            raise SimulationError(
+                f"the fit without sample {sample.name} did not converge in {fitted.model_runs} "
+                "model runs: nothing is predicted from it; give narrower priors"
+            )
         found += forecast(experiment, fitted, sample, model, seed)
     return found
 
@@ -122,7 +125,7 @@ def like(experiment: Experiment, recipe: Recipe, name: str) -> tuple[Experiment,
     nothing = (float("nan"), float("nan"))
     day = Measurement("initial_velocity", *nothing, "mm/day", VELOCITY_UNITS["mm/day"])
     has_bed = bed is not None or any(
-        one.name == "bed_fraction" and name in one.samples for one in experiment.parameters
+        one.name == BED and name in one.samples for one in experiment.parameters
     )
     wanted = [day, Measurement("final_ratio", *nothing, "1", 1.0)] if has_bed else [day]
     sample = Sample(recipe.name, recipe, recipe.box.height, bed, tuple(wanted))

@@ -9,9 +9,7 @@ from calibrate.fit import Fit
 from calibrate.posterior import Posterior
 from calibrate.profile import LEVELS, Profile
 from calibrate.residuals import Problem
-
-CURVES = ("mudline", "sedimentation_ratio")
-SECONDS_PER_DAY = 86400.0
+from calibrate.units import CURVES, TIME_UNITS
 
 
 def figures(
@@ -43,7 +41,7 @@ def curves_figure(result: dict[str, Any]) -> Figure:
     figure = Figure(figsize=(1.0 + 3.4 * len(names), 3.2), layout="constrained")
     for axes, name in zip(figure.subplots(1, len(names), squeeze=False)[0], names, strict=True):
         of_sample = [one for one in rows if one["sample"] == name]
-        days = [one["time_s"] / SECONDS_PER_DAY for one in of_sample]
+        days = [one["time_s"] / TIME_UNITS["day"] for one in of_sample]
         axes.errorbar(
             days,
             [one["measured"] for one in of_sample],
@@ -64,7 +62,7 @@ def curves_figure(result: dict[str, Any]) -> Figure:
         axes.set_title(f"sample {name}")
         axes.set_xlabel("time, days")
         unit = of_sample[0]["unit"]
-        what = of_sample[0]["observable"].replace("_", " ")
+        what = spelled(of_sample[0]["observable"])
         axes.set_ylabel(what if unit == "1" else f"{what}, {unit}")
         axes.set_ylim(bottom=0.0)
     axes.legend(frameon=False)
@@ -148,7 +146,7 @@ def predictions_figure(result: dict[str, Any]) -> Figure:
             label="predicted",
         )
         axes.set_xticks(
-            places, [f"{one['sample']}\n{one['observable'].replace('_', ' ')}" for one in of_unit]
+            places, [f"{one['sample']}\n{spelled(one['observable'])}" for one in of_unit]
         )
         axes.set_xlim(-0.6, len(of_unit) - 0.4)
         highest = max(max(one["measured"] + one["sigma"], one["predicted"]) for one in of_unit)
@@ -169,3 +167,8 @@ def loss_figure(fit: Fit) -> Figure:
     axes.set_ylabel("half the sum of squares,\ndata and priors")
     axes.legend(frameon=False)
     return figure
+
+
+def spelled(observable: str) -> str:
+    """An observable in words."""
+    return observable.replace("_", " ")

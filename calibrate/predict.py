@@ -15,6 +15,7 @@ from jax import Array
 import mrjax
 from calibrate.data import Sample
 from calibrate.suspension import BED, CLOSURE, Suspension
+from calibrate.units import CURVES
 from mrjax import InputError, checks, observe, particle, timestep
 from mrjax.sedimentation import OVERLAP
 
@@ -121,7 +122,7 @@ def particles(
     simulated = _needs_a_bed(sample) and near.bed_fraction is None
     if simulated:
         _refuse_other_paths(sample, varied)
-        whole = _to_rest(sample, near, seed)
+        whole = _to_rest(recipe, near, state)
         ratios = observe.sedimentation_ratio(whole)
 
     def predict(suspension: Suspension) -> Prediction:
@@ -145,6 +146,15 @@ def particles(
         return _of(sample, suspension, velocity, ratios[-1], ratio)
 
     return predict
+
+
+def as_measured(sample: Sample, prediction: Prediction) -> list[Array]:
+    """What a prediction says of each measurement of its sample, in the measurement's unit; ()."""
+    found = []
+    for one in sample.measurements:
+        value = prediction[one.observable]
+        found.append(jnp.asarray(value if one.place is None else value[one.place], float) / one.si)
+    return found
 
 
 FORWARD_MODELS: dict[str, Callable[..., ForwardModel]] = {
@@ -180,7 +190,7 @@ def _tube(sample: Sample, suspension: Suspension) -> dict:
 
 
 def _needs_a_bed(sample: Sample) -> bool:
-    of_bed = {"final_ratio", "sedimentation_ratio", "mudline"}
+    of_bed = {"final_ratio", *CURVES}
     return any(one.observable in of_bed for one in sample.measurements)
 
 
@@ -202,7 +212,8 @@ def _bed(sample: Sample, near: Suspension, seed: int, varied: tuple[str, ...]) -
     if sample.bed_fraction == "particles":
         _refuse_other_paths(sample, varied)
         # Of a uniform bed; the top of a box of few particles is that of one of them.
-        ratio = observe.sedimentation_ratio(_to_rest(sample, near, seed), "twice-centre-of-mass")
+        settled = _to_rest(sample.recipe, near, mrjax.disperse(sample.recipe, seed))
+        ratio = observe.sedimentation_ratio(settled, "twice-centre-of-mass")
         return float(near.volume_fraction / ratio[-1])
     if near.bed_fraction is None:
         raise InputError(
@@ -217,10 +228,9 @@ def _bed(sample: Sample, near: Suspension, seed: int, varied: tuple[str, ...]) -
     return None
 
 
-def _to_rest(sample: Sample, near: Suspension, seed: int) -> mrjax.Run:
-    recipe = sample.recipe
+def _to_rest(recipe: mrjax.Recipe, near: Suspension, state: mrjax.State) -> mrjax.Run:
     soft = mrjax.softened(near.parameters, recipe.box, recipe.particle_count, OVERLAP)
-    return mrjax.settle(mrjax.disperse(recipe, seed), soft, recipe.box, hindrance=near.hindrance)
+    return mrjax.settle(state, soft, recipe.box, hindrance=near.hindrance)
 
 
 def _refuse_other_paths(sample: Sample, varied: tuple[str, ...]) -> None:

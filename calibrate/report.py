@@ -12,10 +12,11 @@ from matplotlib.figure import Figure
 from calibrate.fit import Fit
 from calibrate.forecast import Forecast
 from calibrate.identify import Identification, covariance, expression, information
-from calibrate.plots import CURVES
+from calibrate.plots import spelled
 from calibrate.posterior import Posterior
 from calibrate.profile import LEVELS, Profile
 from calibrate.residuals import Problem
+from calibrate.units import CURVES, TIME_UNITS
 from mrjax import files
 
 LARGEST_CHI_SQUARED = 4.0
@@ -152,7 +153,7 @@ def in_words(result: dict[str, Any]) -> list[str]:
     """What the data determine and what they do not, a sentence a line."""
     parameters, combinations = result["parameters"], result["determined_combinations"]
     lines = [
-        f"The {_spelled(one['observable'])} of sample {one['sample']} varies as "
+        f"The {spelled(one['observable'])} of sample {one['sample']} varies as "
         f"{one['varies_as']}: only that product of powers can be read from it."
         for one in result["predictions"]
         if one.get("varies_as", "1") != "1"
@@ -214,7 +215,7 @@ def markdown(name: str, model: str, result: dict[str, Any], figures: dict[str, F
         (
             [
                 one["sample"],
-                _spelled(one["observable"]) + _when(one),
+                spelled(one["observable"]) + _when(one),
                 f"{one['measured']:g} ± {one['sigma']:g}",
                 _with_error(one["predicted"], one["predicted_error"]),
                 one["unit"],
@@ -324,7 +325,7 @@ def forecasts(found: list[Forecast]) -> list[dict[str, Any]]:
 def line(one: dict[str, Any]) -> str:
     """A prediction of `forecasts`, as a sentence."""
     text = (
-        f"{one['sample']}, not fitted: {_spelled(one['observable'])} "
+        f"{one['sample']}, not fitted: {spelled(one['observable'])} "
         f"{_with_error(one['predicted'], one['predicted_error'])} {one['unit']} predicted"
     )
     if not np.isfinite(one["measured"]):
@@ -341,7 +342,7 @@ def _left_out(rows: list[dict[str, Any]]) -> str:
         (
             [
                 one["sample"],
-                _spelled(one["observable"]),
+                spelled(one["observable"]),
                 f"{one['measured']:g} ± {one['sigma']:g}",
                 _with_error(one["predicted"], one["predicted_error"]),
                 one["unit"],
@@ -367,7 +368,7 @@ def _new(rows: list[dict[str, Any]] | None) -> str:
         (
             [
                 one["sample"],
-                _spelled(one["observable"]),
+                spelled(one["observable"]),
                 _with_error(one["predicted"], one["predicted_error"]),
                 one["unit"],
             ]
@@ -392,7 +393,9 @@ def _of_samples(posterior: dict[str, Any] | None) -> str:
 
 
 def _when(one: dict[str, Any]) -> str:
-    return f" at {one['time_s'] / 86400:.4g} days" if one["observable"] in CURVES else ""
+    return (
+        f" at {one['time_s'] / TIME_UNITS['day']:.4g} days" if one["observable"] in CURVES else ""
+    )
 
 
 def _range(profile: dict[str, list[float]] | None, coverage: str) -> str:
@@ -414,10 +417,6 @@ def _sampled(posterior: dict[str, float] | None) -> str:
     if posterior is None:
         return ""
     return _with_error(posterior["median"], posterior["standard_deviation"])
-
-
-def _spelled(observable: str) -> str:
-    return observable.replace("_", " ")
 
 
 def _with_error(value: float, error: float) -> str:

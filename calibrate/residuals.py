@@ -9,7 +9,7 @@ from jax import Array
 
 from calibrate.data import Experiment, Measurement, Sample
 from calibrate.fit import LogNormal
-from calibrate.predict import FORWARD_MODELS, ForwardModel
+from calibrate.predict import FORWARD_MODELS, ForwardModel, as_measured
 from mrjax import InputError
 
 
@@ -64,11 +64,8 @@ class Problem:
         """What should have been measured, each in the unit of its measurement, (M,)."""
         predicted = []
         for sample, model in zip(self.experiment.samples, self.models, strict=True):
-            of_sample = model(self.experiment.suspension_of(sample, theta))
-            for one in sample.measurements:
-                value = of_sample[one.observable]
-                predicted.append((value if one.place is None else value[one.place]) / one.si)
-        return jnp.stack([jnp.asarray(value, float) for value in predicted])
+            predicted += as_measured(sample, model(self.experiment.suspension_of(sample, theta)))
+        return jnp.stack(predicted)
 
     @property
     def measured(self) -> np.ndarray:

@@ -142,12 +142,10 @@ def column(
       InputError: an argument that cannot be used, too few steps (plain calls), or a traced one
         from which steps would have to be chosen.
     """
-    case = _Case(
-        parameters, height, volume_fraction, bed_fraction, times, hindrance, compression
-    ).as_arrays()
-    cells = checks.whole(cells, "cells")
-    _refuse(case)
-    fewest = _fewest_steps(case, cells)
+    case, cells, fewest = _accepted(
+        _Case(parameters, height, volume_fraction, bed_fraction, times, hindrance, compression),
+        cells,
+    )
     steps = _chosen(fewest) if steps is None else checks.whole(steps, "steps")
     if steps < fewest * (1.0 - 1e-6):  # never where that is not known
         raise InputError(
@@ -177,12 +175,11 @@ def column_steps(
     Raises:
       InputError: an argument that cannot be used, or is traced by jit or vmap.
     """
-    case = _Case(
-        parameters, height, volume_fraction, bed_fraction, times, hindrance, compression
-    ).as_arrays()
-    cells = checks.whole(cells, "cells")
-    _refuse(case)
-    return _chosen(_fewest_steps(case, cells))
+    _, _, fewest = _accepted(
+        _Case(parameters, height, volume_fraction, bed_fraction, times, hindrance, compression),
+        cells,
+    )
+    return _chosen(fewest)
 
 
 @partial(jax.jit, static_argnames=("cells", "steps"))
@@ -309,6 +306,17 @@ def _possible(case: _Case, flux: kynch.Table) -> Array:
     fractions = (case.volume_fraction > 0.0) & (case.volume_fraction < case.bed_fraction)
     settles = jnp.all(jnp.isfinite(flux.flux) & (flux.flux >= 0.0))
     return ascending & fractions & (case.bed_fraction < 1.0) & (case.height > 0.0) & settles
+
+
+def _accepted(case: _Case, cells: int) -> tuple[_Case, int, float]:
+    """A case that can be, its cells, and the fewest steps that it takes; NaN where it is traced.
+
+    Raises:
+      InputError: what describes no column.
+    """
+    case, cells = case.as_arrays(), checks.whole(cells, "cells")
+    _refuse(case)
+    return case, cells, _fewest_steps(case, cells)
 
 
 @jax.jit

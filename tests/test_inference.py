@@ -1,5 +1,6 @@
 """What a fit says beyond its optimum: profiles, samples, forecasts; bounds, outliers, restarts."""
 
+import dataclasses
 import json
 from collections import OrderedDict
 from functools import partial
@@ -150,6 +151,15 @@ def test_each_of_fangs_samples_from_the_other(fang):
     bed = found["B", "final_ratio"]
     assert bed.predicted == near(100 * 0.31284 * 1.331 / 0.5, rel=1e-4)
     assert bed.standard_error / bed.predicted == near(0.2)
+
+
+def test_nothing_is_predicted_from_a_fit_that_did_not_converge(fang, monkeypatch):
+    def stuck(*arguments, **keywords):
+        return dataclasses.replace(fitted_to(*arguments, **keywords), converged=False)
+
+    monkeypatch.setattr("calibrate.forecast.fit", stuck)
+    with pytest.raises(mrjax.SimulationError, match="the fit without sample A did not converge"):
+        leave_one_out(fang, "closed-form")
 
 
 def test_a_new_recipe_with_the_uncertainty_of_the_fit(fang):

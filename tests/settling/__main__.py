@@ -17,8 +17,8 @@ def main() -> None:
     jax.config.update("jax_enable_x64", True)
     for ensemble in tqdm(beds.missing(beds.known(beds.FILE)), desc="ensembles"):
         beds.add(ensemble)
-    for part in (kynch, gradients):
-        file = page.FOLDER / f"{part.__name__.rsplit('.', 1)[-1]}.json"
+    for name, part in {"kynch.json": kynch, "gradients.json": gradients}.items():
+        file = page.FOLDER / name
         if not file.exists():
             files.write_json(file, part.measured())
     files.write_text(page.FOLDER / "README.md", page.text())

@@ -1,6 +1,7 @@
 """The settling page, from the beds and numbers that were measured."""
 
 import json
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -52,10 +53,13 @@ class Ensemble:
         return f"{self.mean(column):.2f} ± {self.error(column):.2f}"
 
 
+_lines = cache(beds.known)
+
+
 def ours(how: str, sample: str, sides: str, friction: float, variant: str = AS_IS) -> Ensemble:
     """An ensemble of this project."""
     return Ensemble(
-        beds.known(beds.FILE),
+        _lines(beds.FILE),
         how=how,
         sample=sample,
         sides=sides,
@@ -66,7 +70,7 @@ def ours(how: str, sample: str, sides: str, friction: float, variant: str = AS_I
 
 def peers(sample: str, sides: str, friction: float) -> Ensemble:
     """An ensemble of LIGGGHTS."""
-    return Ensemble(beds.known(beds.PEER), sample=sample, sides=sides, friction=friction)
+    return Ensemble(_lines(beds.PEER), sample=sample, sides=sides, friction=friction)
 
 
 def difference(one: Ensemble, other: Ensemble, column: str = "top") -> tuple[float, float]:
