@@ -116,7 +116,14 @@ def corner_figure(samples: Posterior) -> Figure:
     import corner
 
     figure = Figure(figsize=(2.0 * len(samples.names) + 0.6,) * 2)
-    corner.corner(samples.samples, labels=list(samples.names), fig=figure, show_titles=True)
+    corner.corner(
+        samples.samples,
+        labels=list(samples.names),
+        fig=figure,
+        show_titles=True,
+        title_fmt=".4g",
+        title_kwargs={"fontsize": 8},
+    )
     return figure
 
 
