@@ -148,6 +148,18 @@ def _meeting(
     )
 
 
+def _time_in_contact(meeting: Meeting, time_step: float) -> Array:
+    """For how long of the last step the surfaces touched: all of it, or since they met; (P,).
+
+    A spring that stretched by the slip of the whole step in which they met would be flat in the
+    moment at which they did, and so would all that follows: its derivative would miss a share that
+    does not vanish with the step.
+    """
+    approach = jnp.maximum(time_step * meeting.closing, meeting.overlap)
+    met = meeting.overlap > 0.0
+    return time_step * jnp.where(met, meeting.overlap / jnp.where(met, approach, 1.0), 1.0)
+
+
 def _contact(
     meeting: Meeting, surfaces: Surfaces, memory: Memory, laws: Laws, time_step: float
 ) -> tuple[Vector, tuple[Vector, Vector] | None, Memory]:
@@ -165,8 +177,9 @@ def _contact(
     )
     force, torque, slid, rolled = times(push, normal), None, memory.sliding, memory.rolling
     turn, twist = times(time_step, meeting.turning), time_step * meeting.twisting
+    touching = _time_in_contact(meeting, time_step)
     if laws.sliding:
-        stretch = plus(history.turned(slid, normal, turn, twist), time_step, meeting.slip)
+        stretch = plus(history.turned(slid, normal, turn, twist), touching, meeting.slip)
         grip, slid = friction.tangential_force(
             stretch,
             meeting.slip,
@@ -184,7 +197,7 @@ def _contact(
         lever = cross(normal, grip)
         torque = times(-meeting.arm, lever), times(-meeting.their_arm, lever)
     if laws.rolling:
-        roll = plus(history.turned(rolled, normal, turn, twist), time_step, meeting.rolling)
+        roll = plus(history.turned(rolled, normal, turn, twist), touching, meeting.rolling)
         resistance, rolled = rolling.rolling_torque(
             roll,
             meeting.rolling,

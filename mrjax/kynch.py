@@ -1,22 +1,21 @@
-"""Kynch's flux of a batch-settling suspension, and Godunov's flux between two cells of a column.
+"""Kynch's flux of a batch-settling suspension, and Godunov's between two volume fractions.
 
 f(phi) = phi v(phi) for phi < phi_m,  f(phi_m) = 0                      (Kynch 1952; m/s, downwards)
 
-A packed bed rests on the floor: nothing more goes in. Between a cell of fraction l and the one of
-fraction u above it, exactly for any f, with one hump or several (Godunov 1959; LeVeque, Finite
-Volume Methods for Hyperbolic Problems, 2002, Eq. 12.4):
+A packed bed rests on the floor: nothing more goes in. Between a fraction l and the fraction u above
+it, exactly for any f, with one hump or several (Godunov 1959; LeVeque, Finite Volume Methods for
+Hyperbolic Problems, 2002, Eq. 12.4):
 
 G(l, u) = MIN f over [u, l] where l >= u,  MAX f over [l, u] where l < u
 
-An explicit step stands for slopes of f up to dz/dt, and f jumps at phi_m; in dilute fluid it may be
-steep too. In place of f the largest function below it without steeper slopes is taken,
+An explicit step stands for slopes of f up to some s, and f jumps at phi_m; in dilute fluid it may
+be steep too. In place of f the largest function below it without steeper slopes is taken,
 
-f~(phi) = MIN over psi of f(psi) + |phi - psi| dz/dt
+f~(phi) = MIN over psi of f(psi) + |phi - psi| s
 
-A column that starts uniform at phi_0 settles the same by either, to the last digit, if no front
-from phi_0 crosses more than a cell in a step (`fastest_front`): f~ then lies above the lower convex
-hulls of f from phi_0 to clear fluid and to the bed, of which Kynch's construction is made, and
-touches f where they do.
+By either a column that starts uniform at phi_0 settles the same if no front from phi_0 is faster
+than s (`fastest_front`): f~ then lies above the lower convex hulls of f from phi_0 to clear fluid
+and to the bed, of which Kynch's construction is made, and touches f where they do.
 """
 
 from typing import NamedTuple
@@ -107,7 +106,7 @@ class Godunov(NamedTuple):
 
 
 def godunov(of: Table) -> Godunov:
-    """Prepares the flux between cells."""
+    """Prepares the flux between volume fractions."""
     least = [jnp.stack([of.flux, -of.flux])]
     while (width := 2 ** len(least)) <= of.flux.size:
         last, half = least[-1], width // 2
@@ -116,22 +115,21 @@ def godunov(of: Table) -> Godunov:
     return Godunov(of, jnp.stack(least, axis=1))
 
 
-def between_cells(by: Godunov, fraction: Array) -> Array:
-    """G between every cell and the one above it, downwards; (cells - 1,) in the flux's unit.
+def between(by: Godunov, below: Array, above: Array) -> Array:
+    """G between a volume fraction and the one above it, downwards; in the flux's unit.
 
     Args:
       by: the flux.
-      fraction: of every cell from the lowest, (cells,).
+      below, above: of one shape, which is that of the result.
     """
-    node, flux, rises = _looked_up(by.table, fraction)
-    low, high = flux[:-1], flux[1:]
-    falls = fraction[:-1] >= fraction[1:]
-    kind, sign = jnp.where(falls, 0, 1), jnp.where(falls, 1.0, -1.0).astype(flux.dtype)
-    first = jnp.minimum(node[:-1], node[1:]) + 1
-    last = jnp.maximum(node[:-1], node[1:])
+    (node, low, _), (upper, high, rises) = (_looked_up(by.table, side) for side in (below, above))
+    falls = below >= above
+    kind, sign = jnp.where(falls, 0, 1), jnp.where(falls, 1.0, -1.0).astype(low.dtype)
+    first = jnp.minimum(node, upper) + 1
+    last = jnp.maximum(node, upper)
     count = last - first + 1
-    # Of equal cells the one that the wave comes from, or derivatives would be unstable.
-    from_above = jnp.where(count > 0, sign * high < sign * low, rises[1:])
+    # Of equal ones that which the wave comes from, or derivatives would be unstable.
+    from_above = jnp.where(count > 0, sign * high < sign * low, rises)
     ends = sign * jnp.where(from_above, high, low)
     # Two ranges of a power of two cover the nodes from first to last.
     doubling = 31 - lax.clz(jnp.maximum(count, 1))

@@ -1,5 +1,6 @@
 """The settling column: Kynch's constructions, conservation, order, gradients, a bed that yields."""
 
+import sys
 from functools import partial
 
 import jax
@@ -15,6 +16,7 @@ from mrjax import drag, kynch
 from mrjax.column import column, column_steps
 from mrjax.compression import Compression
 
+column_module = sys.modules["mrjax.column"]  # the package's name for it is the function
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12
 EXACT = 1e-12  # sums over hundreds of cells and steps, in double precision
 DAY = 86400.0
@@ -50,16 +52,15 @@ def solid(settled):
 
 @pytest.mark.parametrize(
     "law, initial, densest, meets",
-    [(None, 0.25, 0.6, 0.005), (None, 0.5, 0.6, 0.025), (zaki(), 0.1, 0.6, 0.002)],
+    [(None, 0.25, 0.6, 0.006), (None, 0.5, 0.6, 0.011), (zaki(), 0.1, 0.6, 0.002)],
     ids=["one speed", "one speed, dense", "Richardson-Zaki"],
 )
 def test_a_direct_shock(law, initial, densest, meets):
     """Both fronts are straight until they meet at t* = H (1 - phi_0/phi_m) / v_0.
 
     Their solid is that of Rankine and Hugoniot, whatever they are smeared over: exact but for where
-    they meet, which takes some cells. With one speed for all nothing sharpens the upper front: over
-    (1 - c) H/6 upwind steps of Courant number c, 0.2 in the dense suspension, it has spread to
-    sqrt((1 - c) dz H/6) = 2.6 % of H, which the bed meets before t*.
+    they meet, which takes some cells. With one speed for all nothing sharpens the upper front, which
+    spreads over two cells, or in the dense suspension over four, and the bed meets it before t*.
     """
     falls = speed(initial, law)
     meeting = HEIGHT * (1 - initial / densest) / falls
@@ -71,7 +72,7 @@ def test_a_direct_shock(law, initial, densest, meets):
     rest = HEIGHT * initial / densest
     mudline = np.maximum(HEIGHT - falls * times, rest)
     bed = np.minimum(initial * falls / (densest - initial) * times, rest)
-    assert settled.steps < 1600  # of which the errors are
+    assert settled.steps < 2000  # of which the errors are
     for found, exact in ((settled.mudline, mudline), (settled.bed_front, bed)):
         error = np.abs(found - exact)
         assert error.max() < meets * HEIGHT
@@ -159,11 +160,11 @@ def test_a_fan_between_two_fronts(initial, densest):
     times = np.concatenate([np.linspace(0, start, 9), np.linspace(start, 1.5 * end, 33)[1:]])
     settled = followed(initial, densest, times, 200)
     found, exact = settled.mudline / HEIGHT, np.array([mudline(time) for time in times])
-    assert np.abs(found - exact).max() < 0.01
-    assert np.abs(found - exact)[:8].max() < 1e-9  # the fan has not come to it
+    assert np.abs(found - exact).max() < 0.004
+    assert np.abs(found - exact)[:8].max() < 1e-8  # hardly any of the fan has come to it
     # The fan hangs on the bed: its last wave is as fast as the front, and the scheme spreads both.
     front = np.array([bed_front(time) for time in times])
-    assert np.abs(settled.bed_front / HEIGHT - front).max() < 0.025
+    assert np.abs(settled.bed_front / HEIGHT - front).max() < 0.007
     assert np.abs(settled.bed_front / HEIGHT - front)[times > 1.3 * end].max() < 1e-6
     # Two straight lines would miss the second case by far.
     direct = np.maximum(1 - flux(initial) / initial * times, initial / densest)
@@ -192,7 +193,6 @@ def convergence(initial, densest, times, profile):
         exact = np.array([profile(heights, time) for time in times])
         mean = exact.reshape(len(times), cells, 8).mean(axis=2)
         errors.append(np.abs(settled.volume_fraction - mean).mean())
-    print("ORDER", errors, -np.diff(np.log2(errors)))
     return np.array(errors)
 
 
@@ -206,23 +206,24 @@ def test_first_order_where_all_is_shocks():
 
 @pytest.mark.parametrize("initial, densest", FANS)
 def test_order_of_convergence_with_a_fan(initial, densest):
-    """At least half an order in L1 (Kuznetsov 1976), and up to one: 2/3 where the edge of a fan is
-    as fast as the front it hangs on. The mudline, too, and it errs by less.
+    """First order in L1, as for shocks, though the edge of the fan is as fast as the front it hangs
+    on; both lines, too. A scheme without slopes in the cells has 2/3 there.
     """
-    mudline, _, start, end, profile = exact_fan(initial, densest)
+    mudline, bed_front, start, end, profile = exact_fan(initial, densest)
     times = np.array(
         [0.5 * start, 0.9 * start, *(start + (end - start) * np.array([0.2, 0.5, 0.8]))]
     )
     errors = convergence(initial, densest, times, profile)
-    assert np.log2(errors[0] / errors[-1]) / 3 > 0.6
-    assert errors[2] < 8e-3
-    exact = np.array([mudline(time) for time in times])
-    lines = [
-        np.abs(followed(initial, densest, times, cells).mudline / HEIGHT - exact).max()
-        for cells in (50, 100, 200, 400)
-    ]
-    print("ORDER", lines, -np.diff(np.log2(lines)))
-    assert np.log2(lines[0] / lines[-1]) / 3 > 0.6
+    assert np.log2(errors[0] / errors[-1]) / 3 > 0.85
+    assert errors[2] < 2.5e-3
+    lines = {"mudline": mudline, "bed_front": bed_front}
+    for name, line in lines.items():
+        exact = np.array([line(time) for time in times])
+        errors = [
+            np.abs(getattr(followed(initial, densest, times, cells), name) / HEIGHT - exact).max()
+            for cells in (50, 100, 200, 400)
+        ]
+        assert np.log2(errors[0] / errors[-1]) / 3 > 0.9, name
 
 
 # --- the scheme ---------------------------------------------------------------------------------
@@ -239,7 +240,7 @@ LAWS = {
 
 @jax.jit
 def downwards(table, fraction):
-    return kynch.between_cells(kynch.godunov(table), fraction)
+    return kynch.between(kynch.godunov(table), fraction[:-1], fraction[1:])
 
 
 def a_flux(law, initial, densest, stretch):
@@ -312,6 +313,32 @@ def test_order_is_kept_and_variation_lost(law, stretch):
     assert total < 0.9 * variation(0.6 * random.uniform(0, 1, 60))  # it had something to lose
 
 
+@pytest.mark.parametrize("law", LAWS)
+def test_lines_through_the_cells_make_no_new_extremes(law):
+    """Each half of a cell is one of twice the step to its own face, and a step of Heun is the mean
+    of such (Shu & Osher 1988): between the extremes, and no more variation, for steps of any length
+    as f~ is no steeper than half a cell in a step.
+    """
+    flux = kynch.godunov(kynch.no_steeper(a_flux(law, 0.2, 0.6, 30.0), jnp.asarray(0.5)))
+    faces = jax.jit(column_module._between_faces)
+
+    def euler(fraction):
+        return fraction + np.diff(np.pad(faces(flux, fraction, jnp.asarray(0.6)), 1))
+
+    def variation(fraction):
+        return np.abs(np.diff(np.concatenate([[0.6], fraction, [0.0]]))).sum()
+
+    random = np.random.default_rng(4)
+    fraction = 0.6 * random.uniform(0, 1, 60) ** random.choice([0.3, 1.0, 4.0])
+    total = first = variation(fraction)
+    for _ in range(60):
+        fraction = 0.5 * (fraction + euler(euler(fraction)))
+        assert fraction.min() > -1e-14 and fraction.max() < 0.6 + 1e-14
+        assert variation(fraction) <= total + 1e-12
+        total = variation(fraction)
+    assert total < 0.9 * first  # it had something to lose
+
+
 @pytest.mark.parametrize(
     "compression",
     [None, Compression(gel_fraction=0.3, stress=20.0, exponent=6.0)],
@@ -328,13 +355,13 @@ def test_solid_is_kept_and_never_more_than_a_bed(law, compression):
             compression=compression,
         )  # fmt: skip
         needed.append(column_steps(spheres(), **given))
-        settled = column(spheres(), **given, steps=15000)
+        settled = column(spheres(), **given, steps=25000)
         np.testing.assert_allclose(solid(settled), initial * HEIGHT, rtol=EXACT)
         profile = np.asarray(settled.volume_fraction)
         assert profile.min() > -1e-14 and profile.max() < densest + 1e-14
         assert (np.diff(settled.mudline) < 1e-12 * HEIGHT).all()
         assert (settled.bed_front <= settled.mudline).all()
-    assert 100 < max(needed) < 15000
+    assert 100 < max(needed) < 25000
 
 
 # --- gradients ----------------------------------------------------------------------------------
