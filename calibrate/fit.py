@@ -21,6 +21,7 @@ import optax
 import optimistix
 from jax import Array
 from jax.flatten_util import ravel_pytree
+from scipy.optimize import minimize
 from tqdm import tqdm
 
 from mrjax import files
@@ -28,11 +29,15 @@ from mrjax.permissive import permissive
 
 CONVERGED_BELOW = 1e-4
 """Expected gain in chi-squared of one more Gauss-Newton step at which a fit counts as converged:
-0.01 standard deviations. A smooth model ends far below it, one with kinks does not."""
+0.01 standard deviations. A smooth model ends far below it, one with kinks may not."""
+FOUND_AGAIN_WITHIN = 1e-3
+"""What a second simplex may gain in chi-squared where the optimum is on a kink."""
+SIMPLEX, SIMPLEX_ENDS = 0.5, 0.01
+"""Size of a simplex at first, and where it has found an optimum; standard errors."""
 
-SEARCH_ENDS_WITHIN = 0.7
-"""Longest change of a logarithm in a Gauss-Newton step at which the search has found the valley: a
-factor of two."""
+TRUSTED_FROM = 0.25
+"""Part of the decrease that a Gauss-Newton step promises which it must bring for the search to have
+found the valley."""
 SPREAD = 0.7
 """Standard deviation of further starts about the first in each logarithm, where no prior says."""
 
@@ -63,7 +68,9 @@ class Fit:
     loss: np.ndarray
     """Half the sum of squares, priors included, before each search step and at the end."""
     converged: bool
-    """Whether a further Gauss-Newton step would gain next to nothing."""
+    """Whether a further Gauss-Newton step would gain next to nothing, or on a kink a simplex."""
+    on_a_kink: bool
+    """Whether slopes jump at the optimum, so that the Jacobian here is that of one side."""
     model_runs: int
     """Evaluations of the residuals, each with their Jacobian or alone."""
     robust: float | None = None
@@ -114,8 +121,8 @@ def fit(
       seed: of those others.
       robust: residuals beyond this many standard deviations count linearly, not squared
         (pseudo-Huber); left out, all are squared.
-      search_steps: most steps of the search; it ends sooner where the optimum is within a factor
-        of two in each value.
+      search_steps: most steps of the search; it ends, or is left out, as soon as Gauss-Newton steps
+        are to be trusted.
       finish_steps: most steps of Levenberg-Marquardt.
       progress: whether to show a bar.
       checkpoint: a file that keeps the search; where it is there already, the search goes on from
@@ -148,9 +155,14 @@ def fit(
             end, finish_runs = _finish(compiled, given, logs, finish_steps)
             runs += finish_runs
             ends.append(end)
-    best, *others = sorted(ends, key=lambda end: end[0])
+        best, *others = sorted(ends, key=lambda end: end.loss)
+        converged = _expects_nothing(best)
+        on_a_kink = False
+        if not converged and np.isfinite(best.loss):
+            best, on_a_kink, simplex_runs = _without_slopes(compiled, given, best)
+            converged = on_a_kink
+            runs += simplex_runs
     loss, logs, jacobian, value = best
-    gain = _expected_gain(jacobian, value)
     if checkpoint is not None:
         checkpoint.unlink(missing_ok=True)
     count = value.shape[0] - len(held)
@@ -162,13 +174,14 @@ def fit(
         jacobian=np.asarray(jacobian[:count]),
         prior_precision=np.asarray(precision),
         loss=np.array([*losses, loss]),
-        converged=bool(np.isfinite(gain) and gain < CONVERGED_BELOW),
+        converged=converged,
+        on_a_kink=on_a_kink,
         model_runs=runs,
         robust=robust,
         other_optima=tuple(
-            (other[0], np.exp(np.asarray(other[1])))
+            (other.loss, np.exp(np.asarray(other.logs)))
             for other in others
-            if np.isfinite(other[0]) and other[0] - loss > 0.5  # by chi-squared of one
+            if np.isfinite(other.loss) and other.loss - loss > 0.5  # by chi-squared of one
         ),
         everything=compiled.everything,
         linearised=compiled.linearised,
@@ -283,9 +296,10 @@ def _search(compiled, given, each, names, optimizer, most_steps, progress, check
         runs += len(each)
         losses.append(min(_half_square(one) for one in value))
         bar.set_postfix(loss=f"{losses[-1]:.3g}")
-        far = [_newton_step(*one) for one in zip(jacobian, value, strict=True)]
-        if not any(SEARCH_ENDS_WITHIN < one < np.inf for one in far):
-            break
+        ahead = [_trusted(compiled, given, *one) for one in zip(each, jacobian, value, strict=True)]
+        runs += len(each)
+        if all(one is not None for one in ahead):
+            return jnp.stack(ahead), losses, runs
         each, state = update(each, state, value, jacobian)
         if checkpoint is not None:
             kept = {"names": names, "logs": each, "losses": losses, "runs": runs, "step": step + 1}
@@ -316,38 +330,80 @@ def _resumed(checkpoint: Path, names: tuple[str, ...], each: Array):
         ) from None
 
 
-def _finish(compiled, given, logs, most_steps):
+class _End(NamedTuple):
+    """Where a finish ended."""
+
+    loss: float
+    logs: Array  # (P,)
+    jacobian: Array  # (M + K, P)
+    value: Array  # (M + K,)
+
+
+def _at(compiled, given, logs: Array) -> _End:
+    jacobian, value = compiled.linearised(logs, given)
+    return _End(_half_square(value), logs, jacobian, value)
+
+
+def _expects_nothing(end: _End) -> bool:
+    return _gauss_newton(end.jacobian, end.value)[1] < CONVERGED_BELOW
+
+
+def _finish(compiled, given, logs, most_steps) -> tuple[_End, int]:
     """Levenberg-Marquardt (optimistix), tighter until converged; the end and the runs."""
     runs = 0
     # At the tighter one it may go on for long in the rounding of a fit that has long converged.
-    for tolerance in (1e-6, 1e-10):
+    for tolerance in (1e-3, 1e-6, 1e-10):
         solver = optimistix.LevenbergMarquardt(rtol=tolerance, atol=tolerance)
         solution = compiled.solve(solver, logs, given, most_steps)
         runs += int(solution.stats["num_steps"]) + 1
         if jnp.all(jnp.isfinite(solution.value)):
             logs = solution.value
-        jacobian, value = compiled.linearised(logs, given)
-        if _expected_gain(jacobian, value) < CONVERGED_BELOW:
+        end = _at(compiled, given, logs)
+        if _expects_nothing(end):
             break
-    return (_half_square(value), logs, jacobian, value), runs
+    return end, runs
 
 
-def _newton_step(jacobian: Array, value: Array) -> float:
-    """Longest change of a logarithm in one Gauss-Newton step; infinite where that is unknown."""
+def _without_slopes(compiled, given, end: _End) -> tuple[_End, bool, int]:
+    """Nelder & Mead's simplex (scipy) in standard errors, from where slopes led; until found twice.
+
+    Returns: the end, whether the last two simplices agree on it, and the runs.
+    """
+    _, size, directions = np.linalg.svd(np.asarray(end.jacobian), full_matrices=False)
+    seen = size > 1e-10 * size[0]
+    to_logs = jnp.asarray(directions[seen].T / size[seen])
+
+    def chi_squared(errors: np.ndarray) -> float:
+        return 2.0 * _half_square(compiled.everything(end.logs + to_logs @ errors, given))
+
+    best, runs, least = np.zeros(int(seen.sum())), 0, 2.0 * end.loss
+    for size in (SIMPLEX, -SIMPLEX, SIMPLEX):
+        corners = np.vstack([best, best + size * np.eye(best.size)])
+        options = dict(initial_simplex=corners, xatol=SIMPLEX_ENDS, fatol=CONVERGED_BELOW)
+        found = minimize(chi_squared, best, method="Nelder-Mead", options=options)
+        runs += found.nfev
+        best, gain, least = found.x, least - found.fun, found.fun
+        if found.success and gain < FOUND_AGAIN_WITHIN:
+            break
+    agree = bool(found.success and gain < FOUND_AGAIN_WITHIN)
+    return _at(compiled, given, end.logs + to_logs @ best), agree, runs
+
+
+def _trusted(compiled, given, logs: Array, jacobian: Array, value: Array) -> Array | None:
+    """Where a Gauss-Newton step leads that brings the decrease it promises, else None; one run."""
+    step, gain = _gauss_newton(jacobian, value)
+    ahead = logs + jnp.asarray(step, logs.dtype)
+    decrease = _half_square(value) - _half_square(compiled.everything(ahead, given))
+    return ahead if decrease >= TRUSTED_FROM * 0.5 * gain else None
+
+
+def _gauss_newton(jacobian: Array, value: Array) -> tuple[np.ndarray, float]:
+    """The shortest such step, (P,), and the decrease in the sum of squares that it promises."""
     jacobian, value = np.asarray(jacobian, float), np.asarray(value, float)
     if not (np.isfinite(jacobian).all() and np.isfinite(value).all()):
-        return np.inf
+        return np.zeros(jacobian.shape[1]), np.inf
     step, *_ = np.linalg.lstsq(jacobian, -value, rcond=1e-10)
-    return float(np.max(np.abs(step), initial=0.0))
-
-
-def _expected_gain(jacobian: Array, value: Array) -> float:
-    """Decrease in the sum of squares that one more Gauss-Newton step promises."""
-    jacobian, value = np.asarray(jacobian, float), np.asarray(value, float)
-    if not (np.isfinite(jacobian).all() and np.isfinite(value).all()):
-        return np.inf
-    step, *_ = np.linalg.lstsq(jacobian, -value, rcond=1e-10)
-    return float(np.sum((jacobian @ step) ** 2))
+    return step, float(np.sum((jacobian @ step) ** 2))
 
 
 def _names(start: Any) -> tuple[str, ...]:

@@ -26,8 +26,9 @@ the fit ends at a drag 3 times smaller. The fall is exact at any step."""
 MARGIN = 10.0
 """How much faster than expected the particles may fall before they could meet within a run."""
 
-CELLS = 400
-"""Of a column: its mudline is then within 0.2 % of the height where layers spread, else exact."""
+CELLS = 200
+"""Of a column: its mudline is then within 0.4 % of the height where layers spread, else within 0.1
+where it meets the bed, and exact before and after."""
 
 STEPS_TO_SPARE = 3
 """How many times faster than where it starts a fit may make the particles fall."""

@@ -59,8 +59,8 @@ def test_a_direct_shock(law, initial, densest, meets):
     """Both fronts are straight until they meet at t* = H (1 - phi_0/phi_m) / v_0.
 
     Their solid is that of Rankine and Hugoniot, whatever they are smeared over: exact but for where
-    they meet, which takes some cells. With one speed for all nothing sharpens the upper front, which
-    spreads over two cells, or in the dense suspension over four, and the bed meets it before t*.
+    they meet, which takes some cells. With one speed for all nothing sharpens the upper front: it
+    spreads over two cells, in the dense suspension over four, and the bed meets it before t*.
     """
     falls = speed(initial, law)
     meeting = HEIGHT * (1 - initial / densest) / falls

@@ -22,7 +22,7 @@ from calibrate.residuals import Problem
 PROFILE, CURVATURE = "profile", "curvature"
 SETS = {
     ("fang2005", "closed-form", PROFILE): 200,
-    ("synthetic", "column", CURVATURE): 40,
+    ("synthetic", "column", CURVATURE): 200,
     ("fang2005", "particles", CURVATURE): 20,
 }
 """Number of data sets, by experiment, model and how intervals are found: by profile likelihood, or
