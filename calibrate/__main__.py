@@ -19,6 +19,7 @@ from mrjax import InputError, SimulationError, commands, files
     Examples:
       mrjax-calibrate fang2005 --out results
       mrjax-calibrate mine.toml --model column --starts 8 --posterior
+      mrjax-calibrate mine.toml --begin-with closed-form
       mrjax-calibrate mine.toml --leave-one-out
       mrjax-calibrate mine.toml --predict new.toml --like A
     """
@@ -32,6 +33,11 @@ from mrjax import InputError, SimulationError, commands, files
     show_default=True,
     type=click.Choice(["particles", "column", "closed-form"]),
     help="Forward model: a simulation of all particles, of layers in the tube, or Eq. 27.",
+)
+@click.option(
+    "--begin-with",
+    type=click.Choice(["column", "closed-form"]),
+    help="A cheaper model that is fitted first; the other begins where it ends.",
 )
 @click.option(
     "--starts",
@@ -57,6 +63,7 @@ def cli(
     experiment: str,
     out: str,
     model: str,
+    begin_with: str | None,
     starts: int,
     robust: float | None,
     posterior: bool,
@@ -86,11 +93,17 @@ def cli(
     if checkpoint.exists() and not quiet:
         click.echo(f"Going on with the search kept in {checkpoint}.", err=True)
     try:
+        start = problem.start
+        if begin_with is not None:
+            cheap = Problem.prepare(loaded, begin_with, seed)
+            start = fit(
+                cheap.residuals, start, priors=cheap.priors, starts=starts, seed=seed, robust=robust
+            ).theta
         fitted = fit(
             problem.residuals,
-            problem.start,
+            start,
             priors=problem.priors,
-            starts=starts,
+            starts=1 if begin_with else starts,
             seed=seed,
             robust=robust,
             progress=not quiet,
@@ -115,6 +128,7 @@ def cli(
     result |= {
         "experiment": loaded.name,
         "model": model,
+        "begun_with": begin_with,
         "seed": seed,
         "dtype": dtype,
         "versions": commands.versions(),

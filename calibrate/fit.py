@@ -30,9 +30,10 @@ from mrjax.permissive import permissive
 CONVERGED_BELOW = 1e-4
 """Expected gain in chi-squared of one more Gauss-Newton step at which a fit counts as converged:
 0.01 standard deviations. A smooth model ends far below it, one with kinks may not."""
-FOUND_AGAIN_WITHIN = 1e-3
-"""What a second simplex may gain in chi-squared where the optimum is on a kink."""
-SIMPLEX, SIMPLEX_ENDS = 0.5, 0.01
+FOUND_AGAIN_WITHIN = 1e-2
+"""What a second simplex may gain in chi-squared where the optimum is on a kink: 0.1 standard
+deviations."""
+SIMPLEX, SIMPLEX_ENDS = 0.5, 0.03
 """Size of a simplex at first, and where it has found an optimum; standard errors."""
 
 TRUSTED_FROM = 0.25
@@ -102,7 +103,7 @@ def fit(
     seed: int = 0,
     robust: float | None = None,
     search_steps: int = 60,
-    finish_steps: int = 50,
+    finish_steps: int = 30,
     progress: bool = False,
     checkpoint: Path | None = None,
 ) -> Fit:
@@ -163,13 +164,15 @@ def fit(
             converged = on_a_kink
             runs += simplex_runs
     loss, logs, jacobian, value = best
+    fitted = np.asarray(jnp.exp(logs))
+    converged = converged and bool(np.isfinite(fitted).all())
     if checkpoint is not None:
         checkpoint.unlink(missing_ok=True)
     count = value.shape[0] - len(held)
     return Fit(
-        theta=unravel(jnp.exp(logs)),
+        theta=unravel(jnp.asarray(fitted)),
         names=names,
-        values=np.exp(np.asarray(logs)),
+        values=fitted,
         residuals=np.asarray(value[:count]),
         jacobian=np.asarray(jacobian[:count]),
         prior_precision=np.asarray(precision),
@@ -352,14 +355,16 @@ def _finish(compiled, given, logs, most_steps) -> tuple[_End, int]:
     """Levenberg-Marquardt (optimistix), tighter until converged; the end and the runs."""
     runs = 0
     # At the tighter one it may go on for long in the rounding of a fit that has long converged.
-    for tolerance in (1e-3, 1e-6, 1e-10):
+    for tolerance in (1e-3, 1e-6, 1e-9):
         solver = optimistix.LevenbergMarquardt(rtol=tolerance, atol=tolerance)
         solution = compiled.solve(solver, logs, given, most_steps)
-        runs += int(solution.stats["num_steps"]) + 1
-        if jnp.all(jnp.isfinite(solution.value)):
-            logs = solution.value
-        end = _at(compiled, given, logs)
-        if _expects_nothing(end):
+        steps = int(solution.stats["num_steps"])
+        runs += steps + 1
+        end = _at(compiled, given, solution.value)
+        if not np.isfinite(end.loss):
+            end = _at(compiled, given, logs)
+        logs = end.logs
+        if _expects_nothing(end) or steps == most_steps:
             break
     return end, runs
 
@@ -379,7 +384,7 @@ def _without_slopes(compiled, given, end: _End) -> tuple[_End, bool, int]:
     best, runs, least = np.zeros(int(seen.sum())), 0, 2.0 * end.loss
     for size in (SIMPLEX, -SIMPLEX, SIMPLEX):
         corners = np.vstack([best, best + size * np.eye(best.size)])
-        options = dict(initial_simplex=corners, xatol=SIMPLEX_ENDS, fatol=CONVERGED_BELOW)
+        options = dict(initial_simplex=corners, xatol=SIMPLEX_ENDS, fatol=SIMPLEX_ENDS**2)
         found = minimize(chi_squared, best, method="Nelder-Mead", options=options)
         runs += found.nfev
         best, gain, least = found.x, least - found.fun, found.fun

@@ -22,6 +22,11 @@ from mrjax import files
 LARGEST_CHI_SQUARED = 4.0
 """Of a degree of freedom, two standard deviations each: beyond it a fit is called a misfit."""
 
+KINK = (
+    "the optimum is where slopes jump, as where a mudline meets its bed at the time of a "
+    "measurement: it was found without slopes, and errors and intervals are those of one side"
+)
+
 
 def summary(
     problem: Problem,
@@ -36,6 +41,7 @@ def summary(
     labels = {one.variable: one.label for one in problem.experiment.parameters}
     return {
         "converged": fit.converged,
+        "on_a_kink": fit.on_a_kink,
         "parameters": _parameters(problem, fit, found, profiles, samples),
         "determined_combinations": [
             {
@@ -53,7 +59,8 @@ def summary(
             f"sample {sample.name}: {note}"
             for sample in problem.experiment.samples
             for note in sample.recipe.notes
-        ],
+        ]
+        + [KINK] * fit.on_a_kink,
         "chi_squared": fit.chi_squared,
         "degrees_of_freedom": len(predicted) - len(found.combinations),
         "reduced_chi_squared": fit.chi_squared / free,

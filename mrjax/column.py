@@ -169,7 +169,7 @@ def column_steps(
     compression: Compression | None = None,
     cells: int = 200,
 ) -> int:
-    """Steps for `column`, whose arguments these are: so many that no front crosses half a cell in one.
+    """Steps for `column`, whose arguments these are: no front crosses more than half a cell in one.
 
     The speed of fronts is that of `kynch.fastest_front`. Rounded up to four binary digits, so that
     neighbouring parameters share a compiled program. For parameters that are traced, those of a fit
@@ -248,8 +248,10 @@ def _profiles(case: _Case, flux: kynch.Table, cells: int, steps: int) -> Array:
         return 0.5 * (first + share * _between_faces(godunov, once, case.bed_fraction))
 
     def robust(fraction: Array, share: Array) -> Array:
-        """First order. In a compressible bed at rest fluxes balance for thousands of steps, through
-        which the derivative of anything sharper grows without bound.
+        """First order.
+
+        In a compressible bed at rest fluxes balance for thousands of steps, through which the
+        derivative of anything sharper grows without bound.
         """
         return share * kynch.between(godunov, fraction[:-1], fraction[1:])
 

@@ -65,7 +65,7 @@ def exchange(compression: Compression, weight: Array, fraction: Array, down: Arr
     gain = compression.solid_stress(high) - compression.solid_stress(low)
     secant = gain / jnp.where(apart, rise, 1.0)
     slope = jnp.where(apart, secant, compression.stiffness(middle))
-    # Not where(middle > 0): above a bed fractions halve with every step, down to what has no square.
+    # Not where(middle > 0): above a bed fractions halve at every step, to what has no square.
     carried = jnp.maximum(low, high) > compression.gel_fraction
     return jnp.where(carried, down * slope / (weight * jnp.where(carried, middle, 1.0)), 0.0)
 

@@ -103,12 +103,20 @@ def test_several_starts_find_the_better_valley_and_tell_of_the_other():
     assert all(loss > 0.5 for loss, _ in many.other_optima)
 
 
+def bent(theta):
+    """Rosenbrock's valley in logarithms: Gauss-Newton steps leave it."""
+    x, y = jnp.log(theta["a"]), jnp.log(theta["b"])
+    return jnp.stack([10.0 * (y - x**2), 1.0 - x])
+
+
+BENT = OrderedDict(a=np.exp(-1.2), b=np.exp(1.0))
+
+
 def test_an_interrupted_search_goes_on(tmp_path):
     """From the point at which it was stopped, and the file goes when it is done."""
     checkpoint = tmp_path / "search.json"
-    start = OrderedDict(a=400.0, b=0.02, c=500.0)
-    data = np.array([6.0, 2.0])
-    whole = fitted_to(ridge, start, priors=PRIORS, data=data)
+    whole = fitted_to(bent, BENT)
+    assert len(whole.loss) > 4
 
     with pytest.MonkeyPatch.context() as patch:
         kept = files.write_json
@@ -120,15 +128,49 @@ def test_an_interrupted_search_goes_on(tmp_path):
 
         patch.setattr(files, "write_json", write)
         with pytest.raises(KeyboardInterrupt):
-            fitted_to(ridge, start, priors=PRIORS, data=data, checkpoint=checkpoint)
+            fitted_to(bent, BENT, checkpoint=checkpoint)
     assert json.loads(checkpoint.read_text())["step"] == 3
-    resumed = fitted_to(ridge, start, priors=PRIORS, data=data, checkpoint=checkpoint)
+    resumed = fitted_to(bent, BENT, checkpoint=checkpoint)
     assert not checkpoint.exists()
     np.testing.assert_allclose(resumed.values, whole.values, rtol=1e-6)
     np.testing.assert_array_equal(resumed.loss[:3], whole.loss[:3])
     with pytest.raises(ValueError, match="is of another fit"):
         checkpoint.write_text(json.dumps({"names": ["z"], "logs": [[1.0]]}))
-        fitted_to(ridge, start, priors=PRIORS, data=data, checkpoint=checkpoint)
+        fitted_to(bent, BENT, checkpoint=checkpoint)
+
+
+def test_the_search_ends_where_gauss_newton_is_to_be_trusted():
+    """It is left out where residuals are straight in the logarithms, however far the start."""
+    start, data = OrderedDict(a=400.0, b=0.02, c=500.0), np.array([6.0, 2.0])
+    found = fitted_to(ridge, start, priors=PRIORS, data=data)
+    assert len(found.loss) == 2 and found.model_runs <= 15
+    assert len(fitted_to(bent, BENT).loss) > 4
+
+
+def kinked(theta, data):
+    """Two lines that meet at ln a = 0, where the best fit to its data is; one more value."""
+    log = jnp.log(theta["a"])
+    bend = jnp.where(log < 0.0, -2.0 * log, 0.5 * log)
+    return jnp.stack([bend + 1.0, jnp.log(theta["b"]) - data])
+
+
+def test_an_optimum_on_a_kink_is_found_and_called_so():
+    found = fitted_to(kinked, OrderedDict(a=3.0, b=5.0), data=jnp.asarray(0.3))
+    assert found.converged and found.on_a_kink
+    np.testing.assert_allclose(np.log(found.values), [0.0, 0.3], atol=0.02)
+    smooth = fitted_to(bent, BENT)
+    assert smooth.converged and not smooth.on_a_kink
+    np.testing.assert_allclose(smooth.values, np.e, rtol=1e-4)
+
+
+def test_what_has_no_optimum_has_not_converged():
+    """Neither slopes nor a simplex find the end of a slope that leads out of all numbers."""
+
+    def endless(theta):
+        return jnp.stack([100.0 - 0.01 * jnp.log(theta["a"])])
+
+    found = fitted_to(endless, {"a": 1.0}, search_steps=5, finish_steps=5)
+    assert not found.converged and not found.on_a_kink
 
 
 @pytest.fixture(scope="module")

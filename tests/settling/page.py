@@ -310,15 +310,12 @@ Reverse mode gives the same derivative of the sum of these heights to {abs(found
 Later, while the bed takes in the last particles and creeps, sticking and slipping:
 
 {late}
-**Where the curve stops being smooth.** The likely reason, not proved: a spring of friction begins
-to stretch in the step in which its contact is found, and where contacts begin and springs yield
-moves from step to step as a parameter changes. So the computed curve has jumps on the scale of a
-step: central differences over less agree with the derivative, those over more see the jumps, too,
-and the law. What the derivative misses does not vanish with the step, as there are the more jumps
-the smaller they are; it grows with the number of frictional contacts that have begun. Without
-friction there are none, and the error falls with the step. Late in a creeping bed single avalanches
-decide, and the derivative of one history is nothing like that of the mean. There use the law
-itself, -t dh/dt from the curve; for what has no law, differences between means of ensembles.
+**Where the curve stops being smooth.** A spring of friction stretches from the moment at which its
+surfaces meet, wherever in a step that is, and yields without a jump: the derivative sees both, and
+its error falls with the step as long as the mudline falls. When the highest particles have come to
+the bed, particles creep, stick and slip; single avalanches decide, at moments that small changes
+move, and the derivative of one history is nothing like that of the mean. There use the law itself,
+-t dh/dt from the curve; for what has no law, differences between means of ensembles.
 
 Memory that the compiled programs hold at once (314 particles):
 
