@@ -64,20 +64,30 @@ def closed_form(
 
 
 def column(
-    sample: Sample, near: Suspension, seed: int = 0, varied: tuple[str, ...] = ()
+    sample: Sample,
+    near: Suspension,
+    seed: int = 0,
+    varied: tuple[str, ...] = (),
+    *,
+    cells: int = CELLS,
 ) -> ForwardModel:
     """The tube as a column of layers, each with the drag of its own volume fraction (Kynch 1952).
 
     Without local drag in the recipe it is the closed form, by finite volumes.
 
     Raises:
-      InputError: the volume fraction of the bed is not known.
+      InputError: the volume fraction of the bed is not known, or particles are of several sizes.
     """
     bed = _bed(sample, near, seed, varied)
-    known = None if not sample.times else replace(near, bed_fraction=_either(near, bed))
-    steps = None if known is None else mrjax.column_steps(**_tube(sample, known))
-    if steps is not None:
-        steps *= STEPS_TO_SPARE
+    steps = None
+    if sample.times:
+        if jnp.ndim(mrjax.terminal_velocity(near.parameters)):
+            raise InputError(
+                f"sample {sample.name!r}: the particles of its recipe are of several sizes, and a "
+                "column settles as equal ones; give one diameter, or fit with another model"
+            )
+        known = replace(near, bed_fraction=_either(near, bed))
+        steps = STEPS_TO_SPARE * mrjax.column_steps(**_tube(sample, known, cells))
 
     def predict(suspension: Suspension) -> Prediction:
         velocity = jnp.mean(mrjax.terminal_velocity(suspension.parameters))
@@ -85,7 +95,8 @@ def column(
         ratio = jnp.zeros(0)
         if sample.times:
             whole = replace(suspension, bed_fraction=_either(suspension, bed))
-            ratio = mrjax.column(**_tube(sample, whole), steps=steps).mudline / sample.height
+            tube = mrjax.column(**_tube(sample, whole, cells), steps=steps)
+            ratio = tube.mudline / sample.height
         return _of(sample, suspension, velocity, final, ratio)
 
     return predict
@@ -178,7 +189,7 @@ def _of(
     }
 
 
-def _tube(sample: Sample, suspension: Suspension) -> dict:
+def _tube(sample: Sample, suspension: Suspension, cells: int) -> dict:
     return {
         "parameters": suspension.parameters,
         "height": sample.height,
@@ -186,7 +197,7 @@ def _tube(sample: Sample, suspension: Suspension) -> dict:
         "bed_fraction": suspension.bed_fraction,
         "times": jnp.asarray(sample.times, float),
         "hindrance": suspension.hindrance,
-        "cells": CELLS,
+        "cells": cells,
     }
 
 

@@ -1,6 +1,7 @@
 """An experiment as residuals: what the fit, which knows nothing of the physics, is given."""
 
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import jax.numpy as jnp
@@ -21,19 +22,29 @@ class Problem:
     models: tuple[ForwardModel, ...]
 
     @classmethod
-    def prepare(cls, experiment: Experiment, model: str, seed: int = 0) -> "Problem":
-        """Chooses the forward model by name and does what does not depend on the parameters.
+    def prepare(
+        cls, experiment: Experiment, model: str | Callable[..., ForwardModel], seed: int = 0
+    ) -> "Problem":
+        """Does what does not depend on the parameters.
+
+        Args:
+          experiment: samples and parameters.
+          model: the name of a forward model, or one like those of `calibrate.predict`, such as
+            `partial(predict.column, cells=100)`.
+          seed: of the random starts of particles.
 
         Raises:
           InputError: no such model, or a suspension that cannot be made.
         """
-        if model not in FORWARD_MODELS:
-            raise InputError(f"model = {model!r}: must be one of {', '.join(FORWARD_MODELS)}")
+        if isinstance(model, str):
+            if model not in FORWARD_MODELS:
+                raise InputError(f"model = {model!r}: must be one of {', '.join(FORWARD_MODELS)}")
+            model = FORWARD_MODELS[model]
         start = {fitted.variable: fitted.start for fitted in experiment.parameters}
         return cls(
             experiment,
             tuple(
-                FORWARD_MODELS[model](
+                model(
                     sample,
                     experiment.suspension_of(sample, start),
                     seed,

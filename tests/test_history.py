@@ -415,6 +415,33 @@ def test_without_friction_nothing_is_remembered():
     assert mrjax.simulate(ball, smooth, BOX, duration=1e-5, time_step=1e-6).state.contacts is None
 
 
+def test_a_spring_stretches_from_the_moment_of_contact():
+    """Wherever in a step that is, and so says the derivative.
+
+    For so few steps that the ball has lost but a thousandth of its velocities.
+    """
+    ball = GRAINS.replace(radius=1e-3, friction=50.0, rolling_friction=0.1, gravity=0.0)
+    step, falls, slides = 1e-8, 0.1, 0.4
+
+    def remembered(gap):
+        height = jnp.array([[4e-3, 4e-3, 1e-3]]) + gap * jnp.array([[0.0, 0.0, 1.0]])
+        start = mrjax.place(height, [[slides, 0.0, -falls]], [[0.0, 100.0, 0.0]])
+        contacts = mrjax.simulate(
+            start, ball, BOX, duration=8 * step, time_step=step
+        ).state.contacts
+        return contacts.sliding[0, 0, 0], contacts.rolling[0, 0, 1]
+
+    for steps in (3.0, 3.1, 3.499, 3.6, 5.9):
+        gap = steps * step * falls
+        (slid, rolled), (by_slid, by_rolled) = jax.jvp(remembered, (gap,), (1.0,))
+        touching = (7.5 - steps) * step  # up to the middle of the last step, where forces act
+        slip = slides - 100.0 * 1e-3
+        assert float(slid) == pytest.approx(slip * touching, rel=1e-3)
+        assert float(rolled) == pytest.approx(100.0 * touching, rel=1e-3)
+        assert float(by_slid) == pytest.approx(-slip / falls, rel=3e-3)
+        assert float(by_rolled) == pytest.approx(-100.0 / falls, rel=3e-3)
+
+
 def test_a_spinning_ball_takes_its_spring_halfway_along():
     """The spring is between ball and floor: about the normal it turns by the mean of their spins.
 

@@ -7,12 +7,14 @@ that truth with the stated errors. Of N sets the share whose 68 % interval holds
 
 import csv
 from collections import OrderedDict
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from scipy.stats import binom
 from tqdm import tqdm
 
+from calibrate import predict
 from calibrate.data import Experiment
 from calibrate.fit import Fit, fit
 from calibrate.identify import identify
@@ -27,6 +29,8 @@ SETS = {
 }
 """Number of data sets, by experiment, model and how intervals are found: by profile likelihood, or
 as standard errors from the curvature at the optimum, which takes a tenth of the time."""
+CELLS = 100
+"""Of the column, in which data are made and fitted alike."""
 FILE = Path(__file__).parent / "coverage.csv"
 CHANCE = 0.01
 """Of a share outside its limits where the intervals are right."""
@@ -34,7 +38,8 @@ CHANCE = 0.01
 
 def measured(experiment: str, model: str, by: str, sets: int, seed: int = 0) -> list[dict]:
     """A line for each data set and parameter: whether its intervals hold the truth."""
-    problem = Problem.prepare(Experiment.load(experiment), model)
+    forward = partial(predict.column, cells=CELLS) if model == "column" else model
+    problem = Problem.prepare(Experiment.load(experiment), forward)
     random = np.random.default_rng(seed)
     errors = np.array([one.standard_deviation for _, one in problem.measurements])
     rows = []
@@ -53,6 +58,7 @@ def measured(experiment: str, model: str, by: str, sets: int, seed: int = 0) -> 
                     "by": by,
                     "set": number,
                     "converged": int(found.converged),
+                    "on_a_kink": int(found.on_a_kink),
                     "model_runs": found.model_runs,
                     "parameter": name,
                     **{
@@ -91,10 +97,12 @@ def held(rows: list[dict]) -> dict[tuple, dict]:
     for row in rows:
         key = (row["experiment"], row["model"], row["by"], row["parameter"])
         one = found.setdefault(
-            key, {"sets": 0, "converged": 0, "runs": [], **dict.fromkeys(LEVELS, 0)}
+            key,
+            {"sets": 0, "converged": 0, "on_a_kink": 0, "runs": [], **dict.fromkeys(LEVELS, 0)},
         )
         one["sets"] += 1
         one["converged"] += int(row["converged"])
+        one["on_a_kink"] += int(row["on_a_kink"])
         one["runs"].append(int(row["model_runs"]))
         for coverage in LEVELS:
             one[coverage] += int(row[coverage])
