@@ -8,6 +8,7 @@ varies is done once.
 from collections.abc import Callable
 from dataclasses import replace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -30,8 +31,9 @@ CELLS = 200
 """Of a column: its mudline is then within 0.4 % of the height where layers spread, else within 0.1
 where it meets the bed, and exact before and after."""
 
-STEPS_TO_SPARE = 3
-"""How many times faster than where it starts a fit may make the particles fall."""
+STEPS_TO_SPARE = 4
+"""How many times faster than where it starts a fit may make the particles fall; beyond, predictions
+are not a number while a fit traces them, so that it turns back."""
 
 TIME_SCALES = ("f_w", "f_s", "f_v", "viscosity", "gravity", "particle_density", "fluid_density")
 """What changes the speed of an overdamped settling suspension and not its path."""
@@ -95,8 +97,8 @@ def column(
         ratio = jnp.zeros(0)
         if sample.times:
             whole = replace(suspension, bed_fraction=_either(suspension, bed))
-            tube = mrjax.column(**_tube(sample, whole, cells), steps=steps)
-            ratio = tube.mudline / sample.height
+            tube = _tube(sample, whole, cells)
+            ratio = mrjax.column(**tube, steps=_enough(steps, tube)).mudline / sample.height
         return _of(sample, suspension, velocity, final, ratio)
 
     return predict
@@ -199,6 +201,13 @@ def _tube(sample: Sample, suspension: Suspension, cells: int) -> dict:
         "hindrance": suspension.hindrance,
         "cells": cells,
     }
+
+
+def _enough(steps: int, tube: dict) -> int:
+    """As many steps as a fit has, or more where it is known that they do not do."""
+    if any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(tube)):
+        return steps
+    return max(steps, mrjax.column_steps(**tube))
 
 
 def _needs_a_bed(sample: Sample) -> bool:

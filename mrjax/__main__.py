@@ -1,11 +1,14 @@
 """`mrjax`: simulates a recipe, recomputes the paper."""
 
+import json
 import time
+from importlib import resources
 from pathlib import Path
 
 import click
 
 from mrjax import commands, files, timestep
+from mrjax.errors import InputError
 from mrjax.sedimentation import OVERLAP, standard_error
 from mrjax.soften import MOST_OVERLAP
 
@@ -86,7 +89,7 @@ def simulate(
     import jax
 
     import mrjax
-    from mrjax import checks, figures
+    from mrjax import checks, figures, validity
 
     began = time.perf_counter()
     commands.set_precision(dtype)
@@ -115,11 +118,13 @@ def simulate(
         hindrance=sheet.hindrance,
     )
     velocity = float(mrjax.settling_velocity(rise))
+    numbers = validity.numbers(parameters, velocity)
+    warnings = [one.warning for one in numbers if one.warning]
     summary = {
         "recipe": sheet.name,
         "settling_velocity_mm_per_day": figures.MM_PER_DAY * velocity,
         "closed_form_mm_per_day": figures.MM_PER_DAY * mrjax.terminal_velocity(parameters).mean(),
-        "reynolds_number": mrjax.reynolds_number(velocity, parameters).max(),
+        **{f"{one.name.lower()}_number": one.value for one in numbers},
         "particles": rise.state.particles,
         "volume_fraction": sheet.volume_fraction,
         "coated_volume_fraction": sheet.coated_volume_fraction,
@@ -153,6 +158,7 @@ def simulate(
         "seed": seed,
         "dtype": dtype,
         "notes": notes,
+        "warnings": warnings,
         "steady": duration is None or duration >= STEADY_AFTER * relaxation,
         "versions": commands.versions(),
         "wall_seconds": time.perf_counter() - began,
@@ -160,6 +166,8 @@ def simulate(
     files.write_json(folder / "summary.json", summary)
     files.write_csv(folder / "curve.csv", columns)
     figure.savefig(folder / "settling.png", dpi=150)
+    for warning in warnings:
+        click.echo(f"mrjax: warning: {warning}", err=True)
     if quiet:
         return
     for note in notes:
@@ -231,6 +239,70 @@ def _at_rest(whole) -> dict:
         "softening": whole.softening,
         "ensemble": len(whole.seeds),
     }
+
+
+@cli.command(
+    help="""Writes a commented recipe to FILE, to start from.
+
+    \b
+    Example:
+      mrjax new mine.toml
+    """
+)
+@click.argument("file", type=click.Path(path_type=Path))
+def new(file: Path) -> None:
+    """Copies the template."""
+    if file.exists():
+        raise InputError(f"{file}: is there already; give another name")
+    text = resources.files("mrjax").joinpath("template.toml").read_text("utf-8")
+    try:
+        files.write_text(file, text)
+    except OSError as error:
+        raise InputError(
+            f"{file}: cannot be written ({error.strerror}); give another name"
+        ) from None
+    click.echo(f"Change {file}, then: mrjax check {file}")
+
+
+@cli.command(
+    help="""Shows all that follows from a RECIPE, bundled or a TOML file, without running it.
+
+    Volume fractions, number of particles, densities, drag factors, the settling velocity, time
+    scales, the step and cost of a run to rest; warns where an assumption of the model does not
+    hold.
+
+    \b
+    Examples:
+      mrjax check case2
+      mrjax check mine.toml --json
+    """
+)
+@click.argument("recipe")
+@click.option("--json", "as_json", is_flag=True, help="Prints JSON, for programs.")
+def check(recipe: str, as_json: bool) -> None:
+    """Prints what follows from a recipe."""
+    import mrjax
+    from mrjax import derived
+
+    commands.set_precision("float64")
+    sheet = mrjax.Recipe.load(recipe)
+    quantities, warnings = derived.derived(sheet), derived.warnings(sheet)
+    if as_json:
+        found = {one.name: {"value": one.value, "unit": one.unit} for one in quantities}
+        click.echo(
+            json.dumps(
+                {"recipe": sheet.name, "derived": found, "notes": sheet.notes, "warnings": warnings}
+            )
+        )
+        return
+    widest = max(len(one.name) for one in quantities)
+    for one in quantities:
+        unit = "" if one.unit == "1" else f" {one.unit}"
+        click.echo(f"{one.name:{widest}}  {one.value:.5g}{unit}")
+    for note in sheet.notes:
+        click.echo(f"Note: {note}.")
+    for warning in warnings:
+        click.echo(f"mrjax: warning: {warning}", err=True)
 
 
 @cli.command(

@@ -12,33 +12,22 @@ import numpy as np
 from jax import Array
 from tqdm import tqdm
 
-from mrjax import checks, history, particle, soften, theory, timestep
+from mrjax import checks, expected, history, particle
 from mrjax.box import Box
 from mrjax.concrete import known
 from mrjax.errors import InputError, SimulationError
-from mrjax.hindrance import BED, Hindrance
+from mrjax.hindrance import Hindrance
 from mrjax.parameters import Parameters
 from mrjax.run import Fault, Run
 from mrjax.simulate import Setup, attempt, prepared
 from mrjax.state import State
-from mrjax.timestep import Mode
 
-RANDOM_BED = (Mode(2.8, 2.8, 2.8),)
-"""About what the contacts of a random bed of spheres add up to; a run that shows this to be too few
-is repeated with shorter steps."""
-
-PACKED = 0.64
-"""Volume fraction of a random close packing: what is left to fall through, at most."""
 FRAMES_AT_ONCE = 10
 FRAMES_AT_REST = 3
 PATIENCE = 20.0
 """Times the expected duration after which a bed is given up."""
 SHORTER = 0.7
 """Factor on a step that turned out too long."""
-THIN = 0.5
-"""Volume fraction of the thinnest layers in which particles touch, over that of all."""
-INERTIAL = 8.0
-"""How much shorter a step must be where drag does not damp contacts: an impact takes about 20."""
 
 
 def settle(
@@ -86,11 +75,15 @@ def settle(
     each = list(states) if several else [states]
     if not each or len({state.particles for state in each}) > 1:
         raise InputError("states differ in their number of particles, or there are none")
-    expected, falling = _expected(each, parameters, box)
-    interval = expected / checks.whole(frames, "frames")
-    longest = PATIENCE * expected if longest is None else checks.positive(longest, "longest", "s")
+    particles = each[0].particles
+    numbers, top = _numbers(parameters, each)
+    expectation, falling = expected.duration(numbers, box, particles, top)
+    interval = expectation / checks.whole(frames, "frames")
+    longest = checks.positive(
+        PATIENCE * expectation if longest is None else longest, "longest", "s"
+    )
     if time_step is None:
-        time_step = min(interval, _bearable_step(each[0], parameters, hindrance, box, falling))
+        time_step = min(interval, expected.step(numbers, box, particles, falling, hindrance))
     while True:
         setup = prepared(
             each[0],
@@ -113,6 +106,15 @@ def settle(
     for run in runs:
         run.check()
     return _stacked(runs) if several else runs[0]
+
+
+def _numbers(parameters: Parameters, states: list[State]) -> tuple[Parameters, float]:
+    """What is not traced of the parameters, and the top of the highest particle, m."""
+    with jax.ensure_compile_time_eval():
+        numbers = known(parameters)
+        radius = np.asarray(particle.outer_radius(numbers))
+    highest = (float(np.max(np.asarray(state.position)[:, 2] + radius)) for state in states)
+    return numbers, max(highest)
 
 
 def _side_by_side(follow: Callable[[int, State], Run], states: list[State]) -> list[Run]:
@@ -232,58 +234,6 @@ def _stacked(runs: list[Run]) -> Run:
         )
 
     return jax.tree.map(lambda *leaves: jnp.stack(leaves), *map(alike, runs))
-
-
-def _expected(states: list[State], parameters: Parameters, box: Box) -> tuple[float, float]:
-    """About how long the particles fall, s, and how fast, m/s."""
-    with jax.ensure_compile_time_eval():
-        numbers = known(parameters)
-        particles = states[0].particles
-        radius = np.broadcast_to(particle.outer_radius(numbers), particles)
-        pull = float(np.max(particle.net_weight(numbers) / particle.inertia(numbers)))
-        terminal = float(np.min(theory.terminal_velocity(numbers)))
-    if np.isnan(pull) or (np.isnan(terminal) and pull > 0):
-        raise InputError("the parameters are traced by jit or vmap; settle cannot be")
-    if not pull > 0:
-        raise InputError("nothing pulls the particles down: gravity or net weight is not positive")
-    top = max(float(np.max(np.asarray(state.position)[:, 2] + radius)) for state in states)
-    solid = float(np.sum(4 / 3 * np.pi * radius**3))
-    fall = max(top - solid / (PACKED * box.size[0] * box.size[1]), float(radius.max()))
-    free = float(np.sqrt(2.0 * pull * fall))
-    falling = min(free, terminal)
-    return max(fall / terminal, 2.0 * fall / free), falling
-
-
-def _bearable_step(
-    state: State, parameters: Parameters, hindrance: Hindrance | None, box: Box, falling: float
-) -> float:
-    """A step that a random bed of these particles is stable at, and that resolves a dry impact.
-
-    Where drag is local, a step that the thinnest suspension is stable at, too: its drag is the
-    least, while a contact there bears no more than the weight of one particle.
-    """
-    with jax.ensure_compile_time_eval():
-        numbers = known(parameters)
-        resting = soften.resting_overlap(numbers, box, state.particles)
-        layers = [(numbers, resting)]
-        if hindrance is not None:
-            radius = np.broadcast_to(particle.outer_radius(numbers), state.particles)
-            fraction = 4 / 3 * np.pi * np.sum(radius**3) / box.volume
-            weight = np.max(particle.net_weight(numbers))
-            alone = float(timestep.expected_overlap(numbers, weight, 0.0))
-            layers = [
-                (numbers.replace(f_w=known(hindrance)(share)), overlap)
-                for share, overlap in ((BED, resting), (THIN * fraction, alone))
-            ]
-        impact = float(timestep.expected_overlap(numbers, 0.0, falling))
-        return min(_stable_step(layer, max(overlap, impact)) for layer, overlap in layers)
-
-
-def _stable_step(numbers: Parameters, overlap: float) -> float:
-    """Of a random bed with this deepest overlap, m, that a dry impact is resolved by, too; s."""
-    stable = float(timestep.largest_stable_step(numbers, overlap, RANDOM_BED))
-    relaxation = float(np.min(timestep.relaxation_time(numbers)))
-    return stable if relaxation < stable else stable / INERTIAL
 
 
 def _share(speed: float, fastest: float, slow: float) -> float:

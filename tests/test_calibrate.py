@@ -1,9 +1,11 @@
 """From measurements to factors: Fang's data, synthetic recovery, experiment files."""
 
+import re
 from collections import OrderedDict
 from functools import partial
 from importlib import resources
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -347,6 +349,39 @@ def test_a_wrong_tube_gets_one_line(tube, old, new, words):
     assert "\n" not in message
     for word in words:
         assert word in message
+
+
+def test_a_model_may_be_given_as_such(tube):
+    """And with fewer cells the mudline is that of `mrjax.column` with as few."""
+    experiment = Experiment.load(tube)
+    start = {one.variable: one.start for one in experiment.parameters}
+    problem = Problem.prepare(experiment, partial(calibrate.FORWARD_MODELS["column"], cells=20))
+    (sample,) = experiment.samples
+    of = experiment.suspension_of(sample, start)
+    tube_of = dict(
+        height=0.1, volume_fraction=of.volume_fraction, bed_fraction=of.bed_fraction,
+        times=np.array(sample.times), hindrance=of.hindrance, cells=20,
+    )  # fmt: skip
+    steps = 4 * mrjax.column_steps(of.parameters, **tube_of)
+    expected = 1e3 * mrjax.column(of.parameters, **tube_of, steps=steps).mudline
+    np.testing.assert_allclose(problem.predict(start)[1:], expected, rtol=1e-9)
+
+
+def test_a_column_far_faster_than_expected(tube):
+    """Plain calls take the steps that it needs; in a fit, whose steps are fixed, it is NaN."""
+    experiment = Experiment.load(tube)
+    problem = Problem.prepare(experiment, partial(calibrate.FORWARD_MODELS["column"], cells=20))
+    fast = {**problem.start, "f_w.exponent": 0.1}
+    assert np.isfinite(problem.predict(fast)).all()
+    assert not np.isfinite(jax.jit(problem.predict)(fast)).all()
+
+
+def test_a_column_of_several_sizes_is_refused_by_the_name_of_its_sample(tube):
+    recipe = (tube.parent / "local.toml").read_text()
+    recipe = re.sub(r"diameter = 4e-6", "diameter = {values = [3e-6, 5e-6]}", recipe)
+    (tube.parent / "local.toml").write_text(recipe)
+    with pytest.raises(mrjax.InputError, match=r"sample 'A': the particles .* several sizes"):
+        Problem.prepare(Experiment.load(tube), "column")
 
 
 def test_a_bed_nobody_told_of_is_refused(tube):

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from mrjax import Recipe
+
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 
 
@@ -163,10 +165,39 @@ def test_a_run_to_rest_writes_the_mean_curve(at_rest):
     assert (at_rest / "settling.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_a_new_recipe_is_commented_and_its_options_work(tmp_path):
+    assert run("new", "mine.toml", folder=tmp_path)[0] == 0
+    text = (tmp_path / "mine.toml").read_text()
+    Recipe.load(tmp_path / "mine.toml")
+    # All at once, and room for the coating.
+    lines = text.replace("#? ", "").replace("particle = 0.80", "particle = 0.784").splitlines()
+    diameters = [line for line in lines if line.startswith("diameter")]
+    assert text.count("#? ") > 20 and len(diameters) == 4
+    for diameter in diameters:
+        chosen = [line for line in lines if line == diameter or line not in diameters]
+        (tmp_path / "all.toml").write_text("\n".join(chosen))
+        Recipe.load(tmp_path / "all.toml")
+    status, _, err = run("new", "mine.toml", folder=tmp_path)
+    assert status == 2 and "is there already" in err
+    status, _, err = run("new", "nowhere/mine.toml", folder=tmp_path)
+    assert status == 2 and err.count("\n") == 1 and "cannot be written" in err
+
+
+def test_check_shows_what_follows(tmp_path):
+    status, out, err = run("check", "case2", folder=tmp_path)
+    assert status == 0 and err == ""
+    assert "particles in the box" in out and "9.1164 mm/day" in out
+    status, out, err = run("check", "case3", "--json", folder=tmp_path)
+    found = json.loads(out)
+    assert found["recipe"] == "case3" and found["warnings"] == []
+    assert found["derived"]["particles in the box"] == {"value": 292.0, "unit": "1"}
+    status, out, err = run("check", "case4", folder=tmp_path)
+    assert status == 2 and err.startswith("mrjax: case4: no such file")
+
+
 def test_calibrate_writes_its_files(tmp_path):
-    status, out, err = run(
-        "fang2005", "--out", "fit", "--model", "particles", module="calibrate", folder=tmp_path
-    )
+    cheap = ("--model", "particles", "--begin-with", "closed-form")
+    status, out, err = run("fang2005", "--out", "fit", *cheap, module="calibrate", folder=tmp_path)
     assert status == 0, err
     assert "`f_w * f_s` = 61.4" in out
     assert "No measurement says anything of `f_w / f_s`" in out
@@ -189,7 +220,9 @@ def test_calibrate_writes_its_files(tmp_path):
     ):
         assert prediction["measured"] == measured and prediction["unit"] == unit
         assert abs(prediction["predicted"] - measured) < prediction["sigma"]
-    assert fit["model_runs"] > 0 and fit["wall_seconds"] > 0
+    assert fit["begun_with"] == "closed-form" and fit["on_a_kink"] is False
+    assert 0 < fit["model_runs"] <= 6  # it begins at the optimum of the closed form, nearly its own
+    assert fit["wall_seconds"] > 0
     report = (tmp_path / "fit" / "report.md").read_text()
     assert "The fit converged." in report and "61.44 ± 0.77" in report
     page = (tmp_path / "fit" / "report.html").read_text()

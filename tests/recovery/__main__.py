@@ -8,12 +8,10 @@ from . import coverage, page
 def main() -> None:
     """Fits all data sets, then writes README.md beside this file."""
     jax.config.update("jax_enable_x64", True)
-    rows = [
-        row
-        for (experiment, model, by), sets in coverage.SETS.items()
-        for row in coverage.measured(experiment, model, by, sets)
-    ]
-    coverage.write(rows)
+    rows = []
+    for (experiment, model, by), sets in coverage.SETS.items():
+        rows += coverage.measured(experiment, model, by, sets)
+        coverage.write(rows)
     page.PAGE.write_text(page.text(), encoding="utf-8")
 
 

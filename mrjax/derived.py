@@ -1,0 +1,74 @@
+"""All that follows from a lab sheet without running it."""
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+
+from mrjax import expected, particle, theory, timestep, validity
+from mrjax.figures import MM_PER_DAY
+from mrjax.recipe import Recipe
+from mrjax.sedimentation import OVERLAP
+from mrjax.soften import softened
+
+TO_REST = 2.5
+"""How much longer beds take to rest than a free fall would, about: case2 and case3 do."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """What follows from a sheet."""
+
+    name: str
+    value: float
+    unit: str
+
+
+def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
+    """Fractions, particles, densities, drag, velocities, time scales, and what a run would take.
+
+    Args:
+      recipe: the lab sheet.
+      overlap: to which contacts would be softened for a run to rest, in contact radii.
+
+    Raises:
+      InputError: a sheet of which a run cannot be made.
+    """
+    parameters, count = recipe.parameters(), recipe.particle_count
+    outer = 2e6 * np.broadcast_to(particle.outer_radius(parameters), count)
+    velocity = theory.terminal_velocity(parameters)
+    soft = softened(parameters, recipe.box, count, overlap)
+    fall, falling = expected.duration(soft, recipe.box, count, recipe.box.height)
+    step = expected.step(soft, recipe.box, count, falling, recipe.hindrance)
+    factor = jnp.ravel(soft.elastic_modulus / parameters.elastic_modulus)[0]
+    rest, steps = TO_REST * fall, TO_REST * fall / step
+    found = [
+        ("particles in the box", count, "1"),
+        ("volume fraction of particles", recipe.volume_fraction, "1"),
+        ("volume fraction of coated particles", recipe.coated_volume_fraction, "1"),
+        ("smallest coated diameter", outer.min(), "um"),
+        ("largest coated diameter", outer.max(), "um"),
+        ("density of coated particles", recipe.apparent_density, "kg/m^3"),
+        ("f_w, crowding", recipe.f_w, "1"),
+        ("f_s, shape", recipe.f_s, "1"),
+        ("f_v, viscosity", recipe.drag.f_v, "1"),
+        ("f_r, coating", recipe.radius_factor, "1"),
+        ("settling velocity (Eq. 27)", MM_PER_DAY * jnp.mean(velocity), "mm/day"),
+        *((f"{one.name} number", one.value, "1") for one in validity.numbers(parameters, velocity)),
+        ("relaxation time", jnp.max(timestep.relaxation_time(parameters)), "s"),
+        ("Rayleigh time of a contact (Eq. 26)", timestep.rayleigh_time(parameters), "s"),
+        ("step that resolves both (Eq. 29)", timestep.time_step(parameters), "s"),
+        (f"factor on moduli for an overlap of {overlap:g} radii", factor, "1"),
+        ("step of a run to rest", step, "s"),
+        ("duration of a run to rest, about", rest, "s"),
+        ("steps of a run to rest, about", steps, "1"),
+        ("its time at a million particle-steps a second", 1e-6 * count * steps, "s"),
+    ]
+    return [Quantity(name, float(value), unit) for name, value, unit in found]
+
+
+def warnings(recipe: Recipe) -> list[str]:
+    """One line for each assumption of the model that the suspension does not meet."""
+    parameters = recipe.parameters()
+    numbers = validity.numbers(parameters, theory.terminal_velocity(parameters))
+    return [one.warning for one in numbers if one.warning]

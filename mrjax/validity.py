@@ -1,0 +1,78 @@
+"""Where the physics of a suspension leaves what the model assumes: three numbers and their bounds.
+
+Re = rho_f v d / (f_v mu), of the coated particle   below 0.1: Stokes' drag within 2 % (Oseen 1910)
+St = v / (alpha R)                                  below 1: fluid has no memory of accelerations
+Pe = (m - m_f) g R / (k T)                          above 10: gravity moves them, not heat
+"""
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+from jax.typing import ArrayLike
+
+from mrjax import observe, particle, timestep
+from mrjax.parameters import Parameters
+
+BOLTZMANN = 1.380649e-23
+"""J/K."""
+ROOM = 298.15
+"""K."""
+
+
+@dataclass(frozen=True)
+class Number:
+    """A dimensionless number, the worst of all particles, and where the model holds."""
+
+    name: str
+    value: float
+    bound: float
+    at_most: bool
+    """Whether the model holds below the bound, or above it."""
+    beyond: str
+    """What the model leaves out on the other side."""
+
+    @property
+    def warning(self) -> str | None:
+        """One line where the number is out of range."""
+        if (self.value < self.bound) == self.at_most:
+            return None
+        side = "above" if self.at_most else "below"
+        return f"{self.name} number {self.value:.2g} is {side} {self.bound:g}: {self.beyond}"
+
+
+def numbers(
+    parameters: Parameters, velocity: ArrayLike, temperature: float = ROOM
+) -> tuple[Number, Number, Number]:
+    """Reynolds', Stokes' and Peclet's number.
+
+    Args:
+      parameters: of the particles and the fluid.
+      velocity: at which they settle, m/s, () or (N,).
+      temperature: K.
+    """
+    radius = particle.outer_radius(parameters)
+    inertia = timestep.relaxation_time(parameters) * velocity / radius
+    heat = particle.net_weight(parameters) * radius / (BOLTZMANN * temperature)
+    return (
+        Number(
+            "Reynolds",
+            float(jnp.max(observe.reynolds_number(velocity, parameters))),
+            0.1,
+            True,
+            "Stokes' drag is too small by more than 2 %",
+        ),
+        Number(
+            "Stokes",
+            float(jnp.max(inertia)),
+            1.0,
+            True,
+            "particles rebound in the fluid, whose history force is left out",
+        ),
+        Number(
+            "Peclet",
+            float(jnp.min(heat)),
+            10.0,
+            False,
+            "Brownian motion, which is left out, keeps them from packing",
+        ),
+    )
