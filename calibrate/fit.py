@@ -21,7 +21,7 @@ import optax
 import optimistix
 from jax import Array
 from jax.flatten_util import ravel_pytree
-from scipy.optimize import minimize
+from scipy.optimize import OptimizeResult, minimize
 from tqdm import tqdm
 
 from mrjax import files
@@ -39,6 +39,11 @@ SIMPLEX, SIMPLEX_ENDS = 0.5, 0.03
 TRUSTED_FROM = 0.25
 """Part of the decrease that a Gauss-Newton step promises which it must bring for the search to have
 found the valley."""
+ASIDE = 0.3, 0.1
+"""Where slopes are compared; standard errors. Of a smooth model they differ by a third at a third
+of the distance."""
+HOPELESS = 1e-6
+"""Distance in logarithms to where a prediction was possible at which a start is given up."""
 SPREAD = 0.7
 """Standard deviation of further starts about the first in each logarithm, where no prior says."""
 
@@ -103,7 +108,7 @@ def fit(
     seed: int = 0,
     robust: float | None = None,
     search_steps: int = 60,
-    finish_steps: int = 30,
+    finish_steps: int = 50,
     progress: bool = False,
     checkpoint: Path | None = None,
 ) -> Fit:
@@ -159,10 +164,10 @@ def fit(
         best, *others = sorted(ends, key=lambda end: end.loss)
         converged = _expects_nothing(best)
         on_a_kink = False
-        if not converged and np.isfinite(best.loss):
-            best, on_a_kink, simplex_runs = _without_slopes(compiled, given, best)
-            converged = on_a_kink
-            runs += simplex_runs
+        if not converged and _finite(best.jacobian, best.value):
+            best, on_a_kink, more_runs = _without_slopes(compiled, given, best, finish_steps)
+            converged = on_a_kink or _expects_nothing(best)
+            runs += more_runs
     loss, logs, jacobian, value = best
     fitted = np.asarray(jnp.exp(logs))
     converged = converged and bool(np.isfinite(fitted).all())
@@ -275,8 +280,12 @@ def _search(compiled, given, each, names, optimizer, most_steps, progress, check
     """Optax over the logarithms, (S, P), until all are in a valley; they, best losses and runs."""
     state = jax.vmap(optimizer.init)(each)
     losses, runs, done = [], 0, 0
-    if checkpoint is not None and checkpoint.exists():
-        each, losses, runs, done = _resumed(checkpoint, names, each)
+    if checkpoint is not None:
+        # What no other fit has in common with this one.
+        began = compiled.everything(each[0], given)
+        runs = 1
+        if checkpoint.exists():
+            each, losses, runs, done = _resumed(checkpoint, names, each, began)
 
     def loss_of(logs: Array) -> Array:
         value = compiled.everything(logs, given)
@@ -293,21 +302,44 @@ def _search(compiled, given, each, names, optimizer, most_steps, progress, check
     update = jax.jit(jax.vmap(updated)) if len(each) > 1 else _of_one(jax.jit(updated))
     linear = partial(compiled.linearised, given=given)
     linear = jax.jit(jax.vmap(linear)) if len(each) > 1 else _of_one(linear)
+    found = np.zeros(len(each), bool)
+    sound = each
     bar = tqdm(range(done, most_steps), desc="search", disable=not progress, leave=False)
     for step in bar:
         jacobian, value = linear(each)
-        runs += len(each)
-        losses.append(min(_half_square(one) for one in value))
+        runs += int((~found).sum())
+        losses.append(min(losses[-1:] + [_half_square(one) for one in value]))
         bar.set_postfix(loss=f"{losses[-1]:.3g}")
-        ahead = [_trusted(compiled, given, *one) for one in zip(each, jacobian, value, strict=True)]
-        runs += len(each)
-        if all(one is not None for one in ahead):
-            return jnp.stack(ahead), losses, runs
-        each, state = update(each, state, value, jacobian)
+        finite = np.array([_finite(*one) for one in zip(jacobian, value, strict=True)])
+        moving = finite & ~found
+        moved, next_state = update(each, state, value, jacobian)
+        state = jax.tree.map(partial(_where, moving), next_state, state)
+        for row in np.flatnonzero(moving):
+            sound = sound.at[row].set(each[row])
+            ahead = _trusted(compiled, given, each[row], jacobian[row], value[row])
+            runs += 1
+            if ahead is not None:
+                found[row] = True
+                moved = moved.at[row].set(ahead)
+        # From where nothing can be predicted, halfway back to where it could.
+        lost = ~finite & ~found
+        each = _where(moving, moved, _where(lost, 0.5 * (each + sound), each))
+        hopeless = lost & (np.abs(each - sound).max(axis=1) < HOPELESS)
+        if (found | hopeless).all():
+            break
         if checkpoint is not None:
             kept = {"names": names, "logs": each, "losses": losses, "runs": runs, "step": step + 1}
-            files.write_json(checkpoint, kept)
-    return each, losses, runs
+            files.write_json(checkpoint, kept | {"began": began})
+    return _where(found, each, sound), losses, runs
+
+
+def _where(rows: np.ndarray, new: Array, old: Array) -> Array:
+    """New where a row is chosen, (S, ...)."""
+    return jnp.where(rows.reshape(-1, *[1] * (jnp.ndim(new) - 1)), new, old)
+
+
+def _finite(*arrays: Array) -> bool:
+    return all(bool(jnp.isfinite(one).all()) for one in arrays)
 
 
 def _of_one(function):
@@ -320,11 +352,13 @@ def _of_one(function):
     return of_one
 
 
-def _resumed(checkpoint: Path, names: tuple[str, ...], each: Array):
+def _resumed(checkpoint: Path, names: tuple[str, ...], each: Array, began: Array):
     try:
         kept = json.loads(checkpoint.read_text("utf-8"))
-        logs = jnp.asarray(kept["logs"], each.dtype)
+        logs, same = jnp.asarray(kept["logs"], each.dtype), np.asarray(kept["began"], float)
         if tuple(kept["names"]) != names or logs.shape != each.shape:
+            raise ValueError
+        if not np.allclose(same, np.asarray(began), rtol=1e-3, equal_nan=True):
             raise ValueError
         return logs, list(kept["losses"]), int(kept["runs"]), int(kept["step"])
     except (ValueError, KeyError, TypeError):
@@ -369,29 +403,61 @@ def _finish(compiled, given, logs, most_steps) -> tuple[_End, int]:
     return end, runs
 
 
-def _without_slopes(compiled, given, end: _End) -> tuple[_End, bool, int]:
-    """Nelder & Mead's simplex (scipy) in standard errors, from where slopes led; until found twice.
+def _without_slopes(compiled, given, end: _End, finish_steps: int) -> tuple[_End, bool, int]:
+    """Nelder & Mead's simplex (scipy) in standard errors, from where slopes led no further.
 
-    Returns: the end, whether the last two simplices agree on it, and the runs.
+    Returns: the end; whether it is an optimum on a kink: a second simplex finds no better, slopes
+    lead nowhere from it, and differ to either side; and the runs.
     """
-    _, size, directions = np.linalg.svd(np.asarray(end.jacobian), full_matrices=False)
-    seen = size > 1e-10 * size[0]
-    to_logs = jnp.asarray(directions[seen].T / size[seen])
+    runs, agree = 0, False
+    for number, size in enumerate((SIMPLEX, -SIMPLEX, SIMPLEX)):
+        found = _simplex(compiled, given, end, size)
+        agree = bool(number and found.success and 2.0 * end.loss - found.fun < FOUND_AGAIN_WITHIN)
+        end, more = _finish(compiled, given, found.logs, finish_steps)
+        if not 2.0 * end.loss <= found.fun:
+            end = _at(compiled, given, found.logs)
+        runs += found.nfev + more + 1
+        if _expects_nothing(end):
+            return end, False, runs
+        if agree:
+            break
+    kink, more = _jumps(compiled, given, end)
+    return end, agree and kink, runs + more
+
+
+def _simplex(compiled, given, end: _End, size: float) -> OptimizeResult:
+    """Of scipy, about the end, with the logarithms of its best point."""
+    to_logs = _standard_errors(end)
 
     def chi_squared(errors: np.ndarray) -> float:
         return 2.0 * _half_square(compiled.everything(end.logs + to_logs @ errors, given))
 
-    best, runs, least = np.zeros(int(seen.sum())), 0, 2.0 * end.loss
-    for size in (SIMPLEX, -SIMPLEX, SIMPLEX):
-        corners = np.vstack([best, best + size * np.eye(best.size)])
-        options = dict(initial_simplex=corners, xatol=SIMPLEX_ENDS, fatol=SIMPLEX_ENDS**2)
-        found = minimize(chi_squared, best, method="Nelder-Mead", options=options)
-        runs += found.nfev
-        best, gain, least = found.x, least - found.fun, found.fun
-        if found.success and gain < FOUND_AGAIN_WITHIN:
-            break
-    agree = bool(found.success and gain < FOUND_AGAIN_WITHIN)
-    return _at(compiled, given, end.logs + to_logs @ best), agree, runs
+    corners = size * np.vstack([np.zeros(to_logs.shape[1]), np.eye(to_logs.shape[1])])
+    options = dict(initial_simplex=corners, xatol=SIMPLEX_ENDS, fatol=SIMPLEX_ENDS**2)
+    found = minimize(chi_squared, corners[0], method="Nelder-Mead", options=options)
+    found.logs = end.logs + to_logs @ found.x
+    return found
+
+
+def _standard_errors(end: _End) -> Array:
+    """Steps of one standard error along all that the data or priors determine, (P, K)."""
+    _, size, directions = np.linalg.svd(np.asarray(end.jacobian), full_matrices=False)
+    seen = size > 1e-10 * size[0]
+    return jnp.asarray(directions[seen].T / size[seen])
+
+
+def _jumps(compiled, given, end: _End) -> tuple[bool, int]:
+    """Whether slopes jump near an end: then they differ as much over shorter distances."""
+    errors, changes = _standard_errors(end), []
+    for step in ASIDE:
+        sides = [
+            [np.asarray(_at(compiled, given, end.logs + sign * step * along).jacobian @ errors)
+             for along in errors.T]
+            for sign in (1.0, -1.0)
+        ]  # fmt: skip
+        changes.append(float(np.abs(np.subtract(*sides)).max()))
+    far, near = changes
+    return near > 0.6 * far, 4 * errors.shape[1]
 
 
 def _trusted(compiled, given, logs: Array, jacobian: Array, value: Array) -> Array | None:

