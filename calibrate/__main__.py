@@ -1,6 +1,8 @@
 """`mrjax-calibrate`: fits the drag factors of an experiment."""
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import click
@@ -76,55 +78,57 @@ def cli(
 ) -> None:
     """Fits an experiment and reports."""
     from calibrate import forecast, plots, report
+    from calibrate.calibration import calibrated
     from calibrate.data import Experiment
-    from calibrate.fit import fit
     from calibrate.identify import identify
     from calibrate.posterior import posterior as sampled
+    from calibrate.posterior import refuse_without_end, refuse_without_sampler
     from calibrate.profile import profiles
-    from calibrate.residuals import Problem
 
     began = time.perf_counter()
     commands.set_precision(dtype)
     loaded = Experiment.load(experiment)
+    _refuse_options(model, begin_with, predict, like)
+    if leave_one_out:
+        forecast.refuse_leaving_out(loaded)
+    if posterior:
+        refuse_without_sampler()
     new = None if predict is None else _new(loaded, predict, like)
     folder = files.result_folder(Path(out))
-    problem = Problem.prepare(loaded, model, seed)
     checkpoint = folder / "search.json"
     if checkpoint.exists() and not quiet:
         click.echo(f"Going on with the search kept in {checkpoint}.", err=True)
+    options = dict(begin_with=begin_with, starts=starts, seed=seed, robust=robust)
     try:
-        start = problem.start
-        if begin_with is not None:
-            cheap = Problem.prepare(loaded, begin_with, seed)
-            start = fit(
-                cheap.residuals, start, priors=cheap.priors, starts=starts, seed=seed, robust=robust
-            ).theta
-        fitted = fit(
-            problem.residuals,
-            start,
-            priors=problem.priors,
-            starts=1 if begin_with else starts,
-            seed=seed,
-            robust=robust,
-            progress=not quiet,
-            checkpoint=checkpoint,
+        problem, fitted = calibrated(
+            loaded, model, **options, progress=not quiet, checkpoint=checkpoint
         )
     except ValueError as error:
         raise InputError(str(error)) from None
+    if not np.isfinite(fitted.jacobian).all() or not np.isfinite(fitted.values).all():
+        raise SimulationError(
+            f"the fit ended in {fitted.model_runs} model runs where nothing can be predicted; give "
+            "medians from which something can, or more --starts"
+        )
     # Outside the compiled fit a simulation checks itself and raises where it is not to be trusted.
     predicted = np.asarray(problem.predict(fitted.theta))
     usable = fitted.converged
     held = profiles(fitted) if usable else ()
-    samples = sampled(fitted, seed) if posterior and usable else None
-    result = report.summary(problem, fitted, identify(fitted), predicted, held, samples)
-    fault = None
+    # What goes wrong from here on is told when the fit itself is written.
+    faults, samples, further = [], None, {}
+    if posterior and usable:
+        with _told_later(faults):
+            refuse_without_end(fitted)
+            samples = sampled(fitted, seed)
     if leave_one_out:
-        try:
-            result["left_out"] = report.forecasts(forecast.leave_one_out(loaded, model, seed))
-        except SimulationError as error:  # the fit itself is written all the same
-            fault = error
+        with _told_later(faults):
+            left_out = forecast.leave_one_out(loaded, model, **options)
+            further["left_out"] = report.forecasts(left_out)
     if new is not None and usable:
-        result["new"] = report.forecasts(forecast.forecast(new[0], fitted, new[1], model, seed))
+        with _told_later(faults):
+            expected = forecast.forecast(new[0], fitted, new[1], model, seed)
+            further["new"] = report.forecasts(expected)
+    result = report.summary(problem, fitted, identify(fitted), predicted, held, samples) | further
     result |= {
         "experiment": loaded.name,
         "model": model,
@@ -157,12 +161,35 @@ def cli(
             f"the fit did not converge in {fitted.model_runs} model runs; what {folder} holds is "
             "marked so: start nearer, or check the data for values that contradict each other"
         )
-    if fault is not None:
-        raise fault
+    if faults:
+        raise faults[0]
     if samples is not None and not samples.converged:
         raise SimulationError(
             f"the samples of the posterior did not converge; what {folder} holds of them is marked "
             "so: give narrower priors"
+        )
+
+
+@contextmanager
+def _told_later(faults: list[Exception]) -> Iterator[None]:
+    try:
+        yield
+    except (InputError, SimulationError) as error:
+        faults.append(error)
+
+
+def _refuse_options(
+    model: str, begin_with: str | None, predict: str | None, like: str | None
+) -> None:
+    """Refuses options that mean nothing together."""
+    if like is not None and predict is None:
+        raise InputError(
+            f"--like {like}: says whose parameters a new recipe shares; give --predict"
+        )
+    cost = ["closed-form", "column", "particles"]
+    if begin_with is not None and cost.index(begin_with) >= cost.index(model):
+        raise InputError(
+            f"--begin-with {begin_with}: is no cheaper than --model {model}; leave it out"
         )
 
 

@@ -64,7 +64,7 @@ def read(sheet: CurveSheet, folder: Path) -> Curve:
     path = folder / sheet.file
     rows = _rows(path)
     header, *lines = rows if rows else [(1, [])]
-    columns = _columns(path, header[1], sheet)
+    columns = _columns(path, *header, sheet)
     if len(lines) < 2:
         raise InputError(f"{path}: has {len(lines)} rows of numbers; give at least 2")
     observable = next(name for name in CURVES if name in columns)
@@ -116,31 +116,35 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from None
     lines = enumerate(text.splitlines(), start=1)
     kept = [(number, line) for number, line in lines if line.strip() and line.lstrip()[0] != "#"]
-    cells = csv.reader(line for _, line in kept)
-    return [
-        (number, [cell.strip() for cell in row])
-        for (number, _), row in zip(kept, cells, strict=True)
-    ]
+    return [(number, _cells(path, number, line)) for number, line in kept]
 
 
-def _columns(path: Path, header: list[str], sheet: CurveSheet) -> list[str]:
+def _cells(path: Path, number: int, line: str) -> list[str]:
+    try:
+        (row,) = csv.reader([line], strict=True)
+    except csv.Error as error:
+        raise InputError(f"{path}, line {number}: {error}; mend its quotation marks") from None
+    return [cell.strip() for cell in row]
+
+
+def _columns(path: Path, number: int, header: list[str], sheet: CurveSheet) -> list[str]:
     if len(header) == 1 and ";" in header[0]:
         raise InputError(
-            f"{path}, line 1: columns are separated by semicolons; save with commas, and decimals "
-            "with a point"
+            f"{path}, line {number}: columns are separated by semicolons; save with commas, and "
+            "decimals with a point"
         )
     known = {"time", *CURVES, ERROR}
     for name in header:
         if name not in known:
             raise InputError(
-                f"{path}, line 1: column {name!r} is not known; the header is time, then mudline "
-                f"or sedimentation_ratio, then {ERROR} if points have their own"
+                f"{path}, line {number}: column {name!r} is not known; the header is time, then "
+                f"mudline or sedimentation_ratio, then {ERROR} if points have their own"
             )
     of_height = [name for name in header if name in CURVES]
     if "time" not in header or len(of_height) != 1 or len(set(header)) != len(header):
         raise InputError(
-            f"{path}, line 1: the header is {', '.join(header) or 'missing'}; give time and one of "
-            f"{' or '.join(CURVES)}"
+            f"{path}, line {number}: the header is {', '.join(header) or 'missing'}; give time and "
+            f"one of {' or '.join(CURVES)}"
         )
     if sheet.unit not in CURVES[of_height[0]]:
         raise InputError(

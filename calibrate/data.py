@@ -1,5 +1,6 @@
 """Measurements with their uncertainty, the recipe each belongs to, and what is to be fitted."""
 
+from collections import Counter, OrderedDict
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple
@@ -122,6 +123,8 @@ class ExperimentSheet(Sheet):
                         "keep one"
                     )
                 taken.add((parameter.name, sample))
+        if all(parameter.value is not None for parameter in self.parameter):
+            raise ValueError("every [[parameter]] is held at a value; give one a median to fit it")
         return self
 
 
@@ -173,6 +176,7 @@ class Experiment:
         sheet = sheets.validated(ExperimentSheet, table, str(source))
         samples = tuple(_sample(sample, path.parent, str(source)) for sample in sheet.sample)
         names = [sample.name for sample in samples]
+        given = Counter(parameter.name for parameter in sheet.parameter)
         for parameter in sheet.parameter:
             for sample in samples:
                 if sample.name in (parameter.samples or names):
@@ -184,7 +188,7 @@ class Experiment:
                 one
                 for parameter in sheet.parameter
                 if parameter.value is None
-                for one in fitted(parameter, names)
+                for one in fitted(parameter, names, once=given[parameter.name] == 1)
             ),
             tuple(
                 (name, parameter.name, parameter.value)
@@ -193,6 +197,15 @@ class Experiment:
                 for name in parameter.samples or names
             ),
         )
+
+    @property
+    def start(self) -> OrderedDict[str, float]:
+        """The medians, by variable."""
+        return OrderedDict((one.variable, one.start) for one in self.parameters)
+
+    def varied(self, sample: Sample) -> tuple[str, ...]:
+        """Names of what is fitted of a sample."""
+        return tuple(one.name for one in self.parameters if sample.name in one.samples)
 
     def suspension_of(self, sample: Sample, theta: dict[str, ArrayLike]) -> Suspension:
         """The sample with the held and the fitted values, by variable, in their places."""

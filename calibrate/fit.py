@@ -111,6 +111,7 @@ def fit(
     finish_steps: int = 50,
     progress: bool = False,
     checkpoint: Path | None = None,
+    runs: int = 0,
 ) -> Fit:
     """Least squares with log-normal priors.
 
@@ -133,6 +134,7 @@ def fit(
       progress: whether to show a bar.
       checkpoint: a file that keeps the search; where it is there already, the search goes on from
         it. Taken away at the end.
+      runs: evaluations already spent, to be counted.
 
     Returns:
       a Fit; look at `converged` before using it.
@@ -153,9 +155,10 @@ def fit(
     compiled = _compiled(residuals, jax.tree.structure(start), shapes, held, robust, data is None)
     each = _starts(jnp.log(values), precision, starts, seed)
     with permissive():
-        each, losses, runs = _search(
+        each, losses, search_runs = _search(
             compiled, given, each, names, optimizer, search_steps, progress, checkpoint
         )
+        runs += search_runs
         ends = []
         for logs in each:
             end, finish_runs = _finish(compiled, given, logs, finish_steps)
@@ -174,6 +177,8 @@ def fit(
     if checkpoint is not None:
         checkpoint.unlink(missing_ok=True)
     count = value.shape[0] - len(held)
+    # Where no prediction depends on anything, the end is no optimum of the data.
+    converged = converged and bool(jnp.any(jacobian[:count] != 0.0))
     return Fit(
         theta=unravel(jnp.asarray(fitted)),
         names=names,
@@ -236,7 +241,7 @@ def _compiled(
         found = residuals(theta(logs)) if without_data else residuals(theta(logs), given.data)
         found = jnp.atleast_1d(found)
         if robust is not None:
-            found = _pseudo_huber(found, robust)
+            found = pseudo_huber(found, robust)
         return jnp.concatenate([found, given.weight * (logs[places] - given.median)])
 
     def with_value(logs: Array, given: _Given) -> tuple[Array, Array]:
@@ -258,7 +263,7 @@ def _compiled(
     return _Compiled(everything, jax.jit(jax.jacfwd(with_value, has_aux=True)), solve)
 
 
-def _pseudo_huber(residuals: Array, longest: float) -> Array:
+def pseudo_huber(residuals: Array, longest: float) -> Array:
     """Residuals whose squares are 2 d^2 (sqrt(1 + (r/d)^2) - 1): r near zero, else sqrt(2 d r)."""
     size = jnp.sqrt(1.0 + (residuals / longest) ** 2)
     return residuals * jnp.sqrt(2.0 / (1.0 + size))

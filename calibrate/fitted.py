@@ -11,6 +11,7 @@ from jax.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from calibrate.fit import LogNormal
+from calibrate.suspension import BED
 from mrjax.sheets import Sheet
 
 
@@ -30,7 +31,9 @@ class ParameterSheet(Sheet):
     standard_deviation: float | None = Field(
         default=None, gt=0, description="of the prior between bounds, above zero"
     )
-    samples: list[str] | None = Field(default=None, description="names of samples, or leave out")
+    samples: list[str] | None = Field(
+        default=None, min_length=1, description="names of samples, or leave out"
+    )
     per_sample: bool = Field(
         default=False, description="true for a value of its own for each sample"
     )
@@ -61,6 +64,16 @@ class ParameterSheet(Sheet):
             raise ValueError(
                 f"{at}: bounds = {self.bounds}: must be [lower, upper] on either side of the "
                 f"median, {self.median:g}"
+            )
+        return self
+
+    @model_validator(mode="after")
+    def _a_fraction(self):
+        ends = [one for one in (self.value, self.median, *(self.bounds or ())) if one is not None]
+        if self.name == BED and not all(0 <= one <= 1 for one in ends):
+            raise ValueError(
+                f"parameter {self.name!r}: {max(ends, key=abs):g} is no volume fraction; give "
+                "values between 0 and 1, such as 0.6"
             )
         return self
 
@@ -112,8 +125,14 @@ class Fitted:
         return (upper - lower) * x / (1.0 + x) ** 2
 
 
-def fitted(sheet: ParameterSheet, names: list[str]) -> list[Fitted]:
-    """What a sheet asks to be fitted: one for all of its samples, or one for each."""
+def fitted(sheet: ParameterSheet, names: list[str], once: bool = True) -> list[Fitted]:
+    """What a sheet asks to be fitted: one for all of its samples, or one for each.
+
+    Args:
+      sheet: with a median.
+      names: of all samples.
+      once: whether no other sheet has its name; else its samples are in the label.
+    """
     samples = tuple(sheet.samples or names)
     bounds = tuple(sheet.bounds) if sheet.bounds else None
     spread = sheet.log_standard_deviation
@@ -124,5 +143,6 @@ def fitted(sheet: ParameterSheet, names: list[str]) -> list[Fitted]:
         spread = sheet.standard_deviation * (upper - lower) / (left * right)
     of = (sheet.median, spread, bounds)
     if not sheet.per_sample:
-        return [Fitted(sheet.name, sheet.name, samples, *of)]
+        label = sheet.name if once else f"{sheet.name}[{', '.join(samples)}]"
+        return [Fitted(label, sheet.name, samples, *of)]
     return [Fitted(f"{sheet.name}[{one}]", sheet.name, (one,), *of) for one in samples]

@@ -12,12 +12,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from calibrate.calibration import calibrated
 from calibrate.data import Experiment, Measurement, Sample
-from calibrate.fit import Fit, fit
+from calibrate.fit import Fit
 from calibrate.identify import RANK_TOLERANCE, covariance, information
-from calibrate.predict import FORWARD_MODELS, as_measured
-from calibrate.residuals import Problem
-from calibrate.suspension import BED
+from calibrate.predict import ForwardModelMaker, as_measured, forward_model
+from calibrate.suspension import BED, CLOSURE, refuse_unknown
 from calibrate.units import VELOCITY_UNITS
 from mrjax import InputError, Recipe, SimulationError
 from mrjax.permissive import permissive
@@ -34,6 +34,8 @@ class Forecast:
     standard_error: float
     """Of the prediction, from fit and priors; infinite where neither bounds it. Both in the unit
     of the measurement."""
+    time: float | None = None
+    """Of a point of a curve, s."""
 
     @property
     def off(self) -> float:
@@ -43,7 +45,11 @@ class Forecast:
 
 
 def forecast(
-    experiment: Experiment, found: Fit, sample: Sample, model: str, seed: int = 0
+    experiment: Experiment,
+    found: Fit,
+    sample: Sample,
+    model: str | ForwardModelMaker,
+    seed: int = 0,
 ) -> list[Forecast]:
     """What a fit expects of the measurements of a sample, one of the experiment or another.
 
@@ -52,14 +58,14 @@ def forecast(
         the fit does not know are taken from their priors.
       found: the fit.
       sample: its measurements say what to predict.
-      model: of `FORWARD_MODELS`.
+      model: as for `Problem.prepare`.
       seed: of a suspension that is simulated.
     """
     logs, spread, open_ends = _belief(experiment, found)
-    names = [one.variable for one in experiment.parameters]
+    names = list(experiment.start)
     start = OrderedDict(zip(names, np.exp(logs), strict=True))
-    varied = tuple(one.name for one in experiment.parameters if sample.name in one.samples)
-    predict = FORWARD_MODELS[model](sample, experiment.suspension_of(sample, start), seed, varied)
+    near = experiment.suspension_of(sample, start)
+    predict = forward_model(model)(sample, near, seed, experiment.varied(sample))
 
     def predicted(logs):
         theta = OrderedDict(zip(names, jnp.exp(logs), strict=True))
@@ -73,25 +79,33 @@ def forecast(
     unbounded = (np.abs(slopes @ open_ends) > RANK_TOLERANCE**0.5 * size).any(axis=1)
     errors[unbounded] = np.inf
     return [
-        Forecast(sample.name, one, value, error)
+        Forecast(
+            sample.name, one, value, error, None if one.place is None else sample.times[one.place]
+        )
         for one, value, error in zip(sample.measurements, values, errors, strict=True)
     ]
 
 
-def leave_one_out(experiment: Experiment, model: str, seed: int = 0) -> list[Forecast]:
+def leave_one_out(
+    experiment: Experiment, model: str | ForwardModelMaker, seed: int = 0, **options
+) -> list[Forecast]:
     """Every sample, predicted from a fit to all others.
 
+    Args:
+      experiment: of two samples at least.
+      model: as for `Problem.prepare`.
+      seed: of suspensions that are simulated, and of further starts.
+      options: of `calibrated`.
+
     Raises:
-      InputError: there is only one sample.
+      InputError: there is only one sample, or nothing is fitted without one of them.
       SimulationError: a fit without one of the samples did not converge.
     """
-    if len(experiment.samples) < 2:
-        raise InputError(f"{experiment.name}: has one sample; leaving it out leaves nothing to fit")
+    refuse_leaving_out(experiment)
     found = []
     for sample in experiment.samples:
         rest = without(experiment, sample.name)
-        problem = Problem.prepare(rest, model, seed)
-        fitted = fit(problem.residuals, problem.start, priors=problem.priors)
+        _, fitted = calibrated(rest, model, seed=seed, **options)
         if not fitted.converged:
             raise SimulationError(
                 f"the fit without sample {sample.name} did not converge in {fitted.model_runs} "
@@ -99,6 +113,22 @@ def leave_one_out(experiment: Experiment, model: str, seed: int = 0) -> list[For
             )
         found += forecast(experiment, fitted, sample, model, seed)
     return found
+
+
+def refuse_leaving_out(experiment: Experiment) -> None:
+    """Passes where something is left to fit whichever sample is left out.
+
+    Raises:
+      InputError: it is not.
+    """
+    if len(experiment.samples) < 2:
+        raise InputError(f"{experiment.name}: has one sample; leaving it out leaves nothing to fit")
+    for sample in experiment.samples:
+        if not without(experiment, sample.name).parameters:
+            raise InputError(
+                f"{experiment.name}: all that is fitted belongs to sample {sample.name} alone; "
+                "leaving it out leaves nothing to fit"
+            )
 
 
 def without(experiment: Experiment, name: str) -> Experiment:
@@ -116,19 +146,29 @@ def like(experiment: Experiment, recipe: Recipe, name: str) -> tuple[Experiment,
     """A new recipe as a sample to which applies what applies to one of the experiment's.
 
     Raises:
-      InputError: the experiment has no such sample.
+      InputError: the experiment has no such sample, or what applies to it means nothing, or
+        something else, to the recipe.
     """
     known = {sample.name: sample for sample in experiment.samples}
     if name not in known:
         raise InputError(f"{name!r}: no such sample; {experiment.name} has {', '.join(known)}")
+    called = recipe.name
+    while called in known:
+        called += " (new)"
+    values = experiment.varied(known[name]) + tuple(
+        held for of, held, _ in experiment.held if of == name
+    )
+    for one in values:
+        _refuse_another_meaning(one, recipe, known[name].recipe)
     bed = known[name].bed_fraction
     nothing = (float("nan"), float("nan"))
-    day = Measurement("initial_velocity", *nothing, "mm/day", VELOCITY_UNITS["mm/day"])
+    velocity = Measurement("initial_velocity", *nothing, "mm/day", VELOCITY_UNITS["mm/day"])
     has_bed = bed is not None or any(
         one.name == BED and name in one.samples for one in experiment.parameters
     )
-    wanted = [day, Measurement("final_ratio", *nothing, "1", 1.0)] if has_bed else [day]
-    sample = Sample(recipe.name, recipe, recipe.box.height, bed, tuple(wanted))
+    ratio = Measurement("final_ratio", *nothing, "1", 1.0)
+    wanted = (velocity, ratio) if has_bed else (velocity,)
+    sample = Sample(called, recipe, recipe.box.height, bed, wanted)
     applies = tuple(
         replace(one, samples=(*one.samples, sample.name)) if name in one.samples else one
         for one in experiment.parameters
@@ -137,6 +177,18 @@ def like(experiment: Experiment, recipe: Recipe, name: str) -> tuple[Experiment,
         (sample.name, *rest) for of, *rest in experiment.held if of == name
     )
     return replace(experiment, parameters=applies, held=held), sample
+
+
+def _refuse_another_meaning(name: str, recipe: Recipe, fitted: Recipe) -> None:
+    try:
+        refuse_unknown(name, recipe)
+    except InputError as error:
+        raise InputError(f"{name} was fitted, but for {recipe.name}: {error}") from None
+    if name.startswith(CLOSURE) and recipe.closure.func is not fitted.closure.func:
+        raise InputError(
+            f"{name} was fitted in the closure of {fitted.name}; {recipe.name} has another, in "
+            "which it means something else: give it the same [drag] f_w"
+        )
 
 
 def _belief(experiment: Experiment, found: Fit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -4,6 +4,7 @@ The posterior of the logarithms is exp(-chi^2 / 2) with the priors among the res
 is a long ridge: the mass matrix is dense, and begins as the curvature at the optimum.
 """
 
+import importlib.util
 from dataclasses import dataclass
 
 import jax
@@ -54,21 +55,11 @@ def posterior(fit: Fit, seed: int = 0, samples: int = SAMPLES) -> Posterior:
       samples: of each of the four chains.
 
     Raises:
-      InputError: blackjax is not installed, or the posterior has no end: neither data nor prior
-        bound some value.
+      InputError: blackjax is not installed, or the posterior has no end.
     """
-    try:
-        import blackjax
-    except ImportError:
-        raise InputError(
-            "posterior samples need blackjax: pip install 'mrjax[posterior]'"
-        ) from None
-    unbounded = [name for name, one in identify(fit).standard_errors.items() if np.isinf(one)]
-    if unbounded:
-        raise InputError(
-            f"the posterior of {', '.join(unbounded)} has no end: no measurement and no prior "
-            "bounds it; give log_standard_deviation, or standard_deviation with bounds"
-        )
+    refuse_without_sampler()
+    refuse_without_end(fit)
+    import blackjax
 
     whitened, best = _whitening(fit)
 
@@ -104,6 +95,31 @@ def posterior(fit: Fit, seed: int = 0, samples: int = SAMPLES) -> Posterior:
         np.asarray(effective),
         int(divergent.sum()),
     )
+
+
+def refuse_without_sampler() -> None:
+    """Passes where the optional packages are installed.
+
+    Raises:
+      InputError: they are not.
+    """
+    for package in ("blackjax", "corner"):
+        if importlib.util.find_spec(package) is None:
+            raise InputError(f"posterior samples need {package}: pip install 'mrjax[posterior]'")
+
+
+def refuse_without_end(fit: Fit) -> None:
+    """Passes where data or priors bound every value.
+
+    Raises:
+      InputError: neither bounds some.
+    """
+    unbounded = [name for name, one in identify(fit).standard_errors.items() if np.isinf(one)]
+    if unbounded:
+        raise InputError(
+            f"the posterior of {', '.join(unbounded)} has no end: no measurement and no prior "
+            "bounds it; give log_standard_deviation, or standard_deviation with bounds"
+        )
 
 
 def _whitening(fit: Fit) -> tuple[Array, Array]:

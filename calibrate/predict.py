@@ -18,6 +18,7 @@ from calibrate.data import Sample
 from calibrate.suspension import BED, CLOSURE, Suspension
 from calibrate.units import CURVES
 from mrjax import InputError, checks, observe, particle, timestep
+from mrjax.concrete import concrete
 from mrjax.sedimentation import OVERLAP
 
 RELAXATIONS = 40
@@ -28,18 +29,21 @@ MARGIN = 10.0
 """How much faster than expected the particles may fall before they could meet within a run."""
 
 CELLS = 200
-"""Of a column: its mudline is then within 0.4 % of the height where layers spread, else within 0.1
-where it meets the bed, and exact before and after."""
+"""Of a column: its mudline is then within 0.4 % of the height where layers spread or the bed is
+met, and exact before and after."""
 
 STEPS_TO_SPARE = 4
-"""How many times faster than where it starts a fit may make the particles fall; beyond, predictions
-are not a number while a fit traces them, so that it turns back."""
+"""How many times faster than where it is prepared a fit may make the particles fall; beyond,
+predictions are not a number while a fit traces them, and its search turns back."""
+FEWEST_RELAXATIONS = 10.0
+"""Of a run that is asked for a velocity: the start is forgotten to 5e-5."""
 
 TIME_SCALES = ("f_w", "f_s", "f_v", "viscosity", "gravity", "particle_density", "fluid_density")
 """What changes the speed of an overdamped settling suspension and not its path."""
 
 Prediction = dict[str, Array]
 ForwardModel = Callable[[Suspension], Prediction]
+ForwardModelMaker = Callable[[Sample, Suspension, int, tuple[str, ...]], ForwardModel]
 
 
 def closed_form(
@@ -141,6 +145,12 @@ def particles(
 
     def predict(suspension: Suspension) -> Prediction:
         parameters = suspension.parameters
+        slowest = concrete(jnp.max(timestep.relaxation_time(parameters)))
+        if slowest is not None and FEWEST_RELAXATIONS * slowest > duration:
+            raise InputError(
+                f"sample {sample.name!r}: particles relax {slowest / relaxation:.3g} times more "
+                "slowly than where this model was prepared; prepare it near these values"
+            )
         if apart:  # friction would change nothing, and take twice as long to compile
             parameters = parameters.replace(friction=0.0, rolling_friction=0.0)
         run = mrjax.simulate(
@@ -171,12 +181,25 @@ def as_measured(sample: Sample, prediction: Prediction) -> list[Array]:
     return found
 
 
-FORWARD_MODELS: dict[str, Callable[..., ForwardModel]] = {
+FORWARD_MODELS: dict[str, ForwardModelMaker] = {
     "closed-form": closed_form,
     "column": column,
     "particles": particles,
 }
 """The forward models by the names of the command line."""
+
+
+def forward_model(model: str | ForwardModelMaker) -> ForwardModelMaker:
+    """A forward model by its name, or as it is given.
+
+    Raises:
+      InputError: no such model.
+    """
+    if not isinstance(model, str):
+        return model
+    if model not in FORWARD_MODELS:
+        raise InputError(f"model = {model!r}: must be one of {', '.join(FORWARD_MODELS)}")
+    return FORWARD_MODELS[model]
 
 
 def _of(
@@ -205,7 +228,7 @@ def _tube(sample: Sample, suspension: Suspension, cells: int) -> dict:
 
 def _enough(steps: int, tube: dict) -> int:
     """As many steps as a fit has, or more where it is known that they do not do."""
-    if any(isinstance(leaf, jax.core.Tracer) for leaf in jax.tree.leaves(tube)):
+    if any(concrete(leaf) is None for leaf in jax.tree.leaves(tube)):
         return steps
     return max(steps, mrjax.column_steps(**tube))
 
@@ -241,10 +264,10 @@ def _bed(sample: Sample, near: Suspension, seed: int, varied: tuple[str, ...]) -
             f"sample {sample.name!r}: how densely its bed lies is not known; give bed_fraction, "
             f'bed_fraction = "particles", or a [[parameter]] named {BED}'
         )
-    if not float(near.volume_fraction) < float(near.bed_fraction):
+    if not float(near.volume_fraction) < float(near.bed_fraction) < 1.0:
         raise InputError(
             f"sample {sample.name!r}: {BED} = {float(near.bed_fraction):g} must be above that of "
-            f"its suspension, {float(near.volume_fraction):.4g}"
+            f"its suspension, {float(near.volume_fraction):.4g}, and below 1"
         )
     return None
 

@@ -5,11 +5,13 @@ import html
 from pathlib import Path
 from typing import Any
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from markdown_it import MarkdownIt
 from matplotlib.figure import Figure
 
-from calibrate.fit import Fit
+from calibrate.fit import Fit, pseudo_huber
 from calibrate.forecast import Forecast
 from calibrate.identify import Identification, covariance, expression, information
 from calibrate.plots import spelled
@@ -39,6 +41,8 @@ def summary(
     """Everything a fit found, as plain tables. `predicted` is `problem.predict`, (M,)."""
     free = max(1, len(predicted) - len(found.combinations))
     labels = {one.variable: one.label for one in problem.experiment.parameters}
+    alone = [labels[name] for name in fit.names if not found.determined[name]]
+    believed = {one.label for one in problem.experiment.parameters if one.prior is not None}
     return {
         "converged": fit.converged,
         "on_a_kink": fit.on_a_kink,
@@ -53,7 +57,8 @@ def summary(
             for one in found.combinations
         ],
         "null_directions": list(found.null_directions),
-        "carried_by_priors_alone": [labels[n] for n in fit.names if not found.determined[n]],
+        "carried_by_priors_alone": [name for name in alone if name in believed],
+        "undetermined": [name for name in alone if name not in believed],
         "predictions": _predictions(problem, fit, predicted),
         "notes": [
             f"sample {sample.name}: {note}"
@@ -133,7 +138,12 @@ def _predictions(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[dict
     spreads = np.array([one.standard_deviation for _, one in problem.measurements])
     exponents = fit.jacobian * (spreads / predicted)[:, None]
     known, _ = covariance(information(fit))
-    errors = spreads * np.sqrt(np.einsum("mp,pq,mq->m", fit.jacobian, known, fit.jacobian))
+    slopes = fit.jacobian
+    if fit.robust is not None:  # back from how residuals count to what they are
+        of = jnp.asarray((predicted - problem.measured) / spreads)
+        counts = jax.vmap(jax.grad(lambda one: pseudo_huber(one, fit.robust)))(of)
+        slopes = slopes / np.asarray(counts)[:, None]
+    errors = spreads * np.sqrt(np.einsum("mp,pq,mq->m", slopes, known, slopes))
     return [
         {
             "sample": sample.name,
@@ -195,6 +205,13 @@ def in_words(result: dict[str, Any]) -> list[str]:
             f"The individual value{'s' if len(carried) > 1 else ''} of {names} "
             f"{'are' if len(carried) > 1 else 'is'} carried by the prior"
             f"{'s' if len(carried) > 1 else ''} alone."
+        )
+    if undetermined := result["undetermined"]:
+        names = ", ".join(f"`{name}`" for name in undetermined)
+        lines.append(
+            f"Neither data nor a prior say what {names} "
+            f"{'are' if len(undetermined) > 1 else 'is'}: "
+            f"{'they are' if len(undetermined) > 1 else 'it is'} where the search happened to end."
         )
     return lines
 
@@ -276,7 +293,7 @@ out, such as flocculation or a spread of sizes, is in it.
 
 {shown("loss")}
 
-The search looks for the valley; Levenberg-Marquardt finishes it.
+The search looks for the valley; Levenberg-Marquardt finishes it, or on a kink a simplex.
 {notes}"""
 
 
@@ -324,6 +341,7 @@ def forecasts(found: list[Forecast]) -> list[dict[str, Any]]:
             "predicted_error": one.standard_error,
             "unit": one.measurement.unit,
             "difference_over_both_errors": one.off,
+            **({} if one.time is None else {"time_s": one.time}),
         }
         for one in found
     ]
@@ -332,13 +350,19 @@ def forecasts(found: list[Forecast]) -> list[dict[str, Any]]:
 def line(one: dict[str, Any]) -> str:
     """A prediction of `forecasts`, as a sentence."""
     text = (
-        f"{one['sample']}, not fitted: {spelled(one['observable'])} "
+        f"{one['sample']}, not fitted: {spelled(one['observable'])}{_when(one)} "
         f"{_with_error(one['predicted'], one['predicted_error'])} {one['unit']} predicted"
     )
     if not np.isfinite(one["measured"]):
         return f"{text}."
-    off = one["predicted"] / one["measured"] - 1
-    return f"{text}, {one['measured']:g} ± {one['sigma']:g} measured ({off:+.0%})."
+    return f"{text}, {one['measured']:g} ± {one['sigma']:g} measured{_off(one, ' ({})')}."
+
+
+def _off(one: dict[str, Any], form: str = "{}") -> str:
+    """How far a prediction is off; nothing where zero was measured."""
+    if not one["measured"]:
+        return ""
+    return form.format(f"{one['predicted'] / one['measured'] - 1:+.0%}")
 
 
 def _left_out(rows: list[dict[str, Any]]) -> str:
@@ -349,11 +373,11 @@ def _left_out(rows: list[dict[str, Any]]) -> str:
         (
             [
                 one["sample"],
-                spelled(one["observable"]),
+                spelled(one["observable"]) + _when(one),
                 f"{one['measured']:g} ± {one['sigma']:g}",
                 _with_error(one["predicted"], one["predicted_error"]),
                 one["unit"],
-                f"{one['predicted'] / one['measured'] - 1:+.0%}",
+                _off(one),
                 f"{one['difference_over_both_errors']:+.2f}",
             ]
             for one in rows
@@ -375,7 +399,7 @@ def _new(rows: list[dict[str, Any]] | None) -> str:
         (
             [
                 one["sample"],
-                spelled(one["observable"]),
+                spelled(one["observable"]) + _when(one),
                 _with_error(one["predicted"], one["predicted_error"]),
                 one["unit"],
             ]

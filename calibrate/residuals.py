@@ -1,7 +1,7 @@
 """An experiment as residuals: what the fit, which knows nothing of the physics, is given."""
 
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import jax.numpy as jnp
@@ -10,8 +10,18 @@ from jax import Array
 
 from calibrate.data import Experiment, Measurement, Sample
 from calibrate.fit import LogNormal
-from calibrate.predict import FORWARD_MODELS, ForwardModel, as_measured
-from mrjax import InputError
+from calibrate.predict import (
+    ForwardModel,
+    ForwardModelMaker,
+    as_measured,
+    closed_form,
+    forward_model,
+)
+from mrjax import terminal_velocity
+
+HOLDS_WITHIN = 3.0
+"""Factor on the velocity within which a forward model holds that is prepared for another: a run of
+particles still forgets its start to 1e-5, and a column has steps enough."""
 
 
 @dataclass(frozen=True)
@@ -20,10 +30,18 @@ class Problem:
 
     experiment: Experiment
     models: tuple[ForwardModel, ...]
+    near: OrderedDict[str, float]
+    """Values, by variable, near which the models are to be asked."""
+    everywhere: bool
+    """Whether they hold everywhere all the same."""
 
     @classmethod
     def prepare(
-        cls, experiment: Experiment, model: str | Callable[..., ForwardModel], seed: int = 0
+        cls,
+        experiment: Experiment,
+        model: str | ForwardModelMaker,
+        seed: int = 0,
+        near: Mapping[str, float] | None = None,
     ) -> "Problem":
         """Does what does not depend on the parameters.
 
@@ -32,32 +50,43 @@ class Problem:
           model: the name of a forward model, or one like those of `calibrate.predict`, such as
             `partial(predict.column, cells=100)`.
           seed: of the random starts of particles.
+          near: values, by variable, near which it will be asked; left out, the medians.
 
         Raises:
           InputError: no such model, or a suspension that cannot be made.
         """
-        if isinstance(model, str):
-            if model not in FORWARD_MODELS:
-                raise InputError(f"model = {model!r}: must be one of {', '.join(FORWARD_MODELS)}")
-            model = FORWARD_MODELS[model]
-        start = {fitted.variable: fitted.start for fitted in experiment.parameters}
+        make = forward_model(model)
+        near = OrderedDict(experiment.start if near is None else near)
         return cls(
             experiment,
             tuple(
-                model(
-                    sample,
-                    experiment.suspension_of(sample, start),
-                    seed,
-                    tuple(one.name for one in experiment.parameters if sample.name in one.samples),
+                make(
+                    sample, experiment.suspension_of(sample, near), seed, experiment.varied(sample)
                 )
                 for sample in experiment.samples
             ),
+            near,
+            make is closed_form,
         )
+
+    def holds_at(self, theta: Mapping[str, float]) -> bool:
+        """Whether the models may be asked here.
+
+        Velocities are within `HOLDS_WITHIN` of where they are prepared, or not a number.
+        """
+        for sample in () if self.everywhere else self.experiment.samples:
+            here, there = (
+                np.asarray(terminal_velocity(self.experiment.suspension_of(sample, of).parameters))
+                for of in (theta, self.near)
+            )
+            if (np.abs(np.log(here / there)) > np.log(HOLDS_WITHIN)).any():
+                return False
+        return True
 
     @property
     def start(self) -> OrderedDict[str, float]:
         """The medians, by variable, in the order of the experiment."""
-        return OrderedDict((fitted.variable, fitted.start) for fitted in self.experiment.parameters)
+        return self.experiment.start
 
     @property
     def priors(self) -> dict[str, LogNormal]:

@@ -13,7 +13,9 @@ import pytest
 import calibrate
 import mrjax
 from calibrate import Experiment, LogNormal, Problem
+from calibrate.calibration import calibrated
 from calibrate.data import Measurement, Sample
+from calibrate.fitted import ParameterSheet, fitted
 from calibrate.suspension import Suspension, suspension
 from mrjax import drag
 
@@ -337,6 +339,12 @@ def test_particles_scale_the_times_of_one_run(case2):
         ("value = 1.1", "", ["parameter 'f_s'", "median", "value"]),
         ("value = 1.1", "value = 1.1\nmedian = 1.2", ["parameter 'f_s'", "either"]),
         ("height = 0.1", "height = 0.1\nbed_fraction = 0.6", ["bed_fraction = 0.6", "of its own"]),
+        (
+            "median = 0.6\nbounds = [0.5, 0.7]\nstandard_deviation = 0.05",
+            "median = 60.0",
+            ["bed_fraction", "60", "between 0 and 1"],
+        ),
+        ("value = 1.1", "median = 1.1\nsamples = []", ["samples"]),
         ("height = 0.1", "height = 0.1\nbed_fraction = 60.0", ["bed_fraction = 60", "0 and 1"]),
     ],
 )
@@ -349,6 +357,40 @@ def test_a_wrong_tube_gets_one_line(tube, old, new, words):
     assert "\n" not in message
     for word in words:
         assert word in message
+
+
+FREE_SHAPE = 'name = "f_s"\nmedian = {}'
+
+
+def test_a_model_is_prepared_again_where_the_fit_leads(tube):
+    """From a median from which the column has too few steps: the same end."""
+    coarse = partial(calibrate.FORWARD_MODELS["column"], cells=20)
+    ends = []
+    for median in (1.1, 40.0):
+        shape = FREE_SHAPE.format(median)
+        tube.write_text(TUBE.replace('name = "f_s"\nvalue = 1.1', shape))
+        problem, found = calibrated(Experiment.load(tube), coarse)
+        assert found.converged and problem.holds_at(found.theta)
+        assert not problem.holds_at({**found.theta, "f_s": 4.0 * found.theta["f_s"]})
+        ends.append(found.theta["f_s"])
+    assert float(ends[1]) == near(float(ends[0]), rel=2e-3)
+    _, begun = calibrated(Experiment.load(tube), coarse, begin_with="closed-form")
+    assert float(begun.theta["f_s"]) == near(float(ends[1]), rel=2e-3)
+
+
+def test_where_nothing_is_felt_there_is_no_optimum(tube):
+    """Every reading after the bed is met, by a median a thousand times too fast."""
+    lines = TUBE.split("[[parameter]]")[0].replace("final_ratio", "# final_ratio")
+    bed = '[[parameter]]\nname = "bed_fraction"\nvalue = 0.6\n'
+    tube.write_text(f"{lines}{bed}[[parameter]]\n{FREE_SHAPE.format(1e-3)}")
+    _, found = calibrated(Experiment.load(tube), "closed-form")
+    assert not found.converged
+
+
+def test_parameters_of_one_name_have_labels_of_their_own():
+    sheet = ParameterSheet(name="f_s", median=1.1, samples=["A"])
+    assert [one.label for one in fitted(sheet, ["A", "B"], once=False)] == ["f_s[A]"]
+    assert [one.label for one in fitted(sheet, ["A", "B"])] == ["f_s"]
 
 
 def test_a_model_may_be_given_as_such(tube):

@@ -114,7 +114,6 @@ def test_contradicting_data_are_a_misfit_not_a_failure():
 
 
 def test_a_fit_that_cannot_converge_says_so():
-    """The search runs off to infinity: the residual falls for ever."""
     """A slope that leads out of all numbers: neither it nor a simplex finds an end."""
 
     def endless(theta):

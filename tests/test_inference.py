@@ -220,7 +220,7 @@ def test_nothing_is_predicted_from_a_fit_that_did_not_converge(fang, monkeypatch
     def stuck(*arguments, **keywords):
         return dataclasses.replace(fitted_to(*arguments, **keywords), converged=False)
 
-    monkeypatch.setattr("calibrate.forecast.fit", stuck)
+    monkeypatch.setattr("calibrate.calibration.fit", stuck)
     with pytest.raises(mrjax.SimulationError, match="the fit without sample A did not converge"):
         leave_one_out(fang, "closed-form")
 
@@ -271,6 +271,15 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
         for level in ("68 %", "95 %"):
             low, high = coverage.limits(one["sets"], level)
             assert low <= one[level] <= high
+
+
+def test_a_recipe_of_another_closure_is_like_no_sample(fang, tmp_path):
+    synthetic = Experiment.load("synthetic")
+    with pytest.raises(mrjax.InputError, match=r"f_w.exponent was fitted in the closure of thin"):
+        like(synthetic, mrjax.Recipe.load("case2"), "thin")
+    wider, sample = like(fang, fang.samples[0].recipe.model_copy(update={"name": "B"}), "A")
+    assert sample.name == "B (new)"
+    assert "f_v" not in wider.varied(sample) and "f_v" in wider.varied(fang.samples[1])
 
 
 def test_the_page_of_recovery_shows_what_was_measured():

@@ -66,7 +66,8 @@ def log_normal_posterior(data: np.ndarray, log_standard_deviation: float) -> Mom
     def density(v_0, f_s, n):
         off = zip((v_0, f_s, n), TRUTH.values(), strict=True)
         square = sum((np.log(value / true) / log_standard_deviation) ** 2 for value, true in off)
-        return np.exp(-0.5 * square) / (f_s * n)  # even nodes, and a density of logarithms
+        # Even nodes in v_0 / f_s, f_s and n, and a density of logarithms.
+        return np.exp(-0.5 * square) / (v_0 * n)
 
     return _on_a_grid(data, np.linspace(0.02, 12.0, 3 * NODES), density)
 

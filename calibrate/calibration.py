@@ -1,0 +1,72 @@
+"""An experiment fitted with a forward model, prepared again where the fit ends far from its start.
+
+What a forward model does once (the length of a run, the steps of a column) it does for the values
+near which it is asked. Where a fit leads far away, that is done anew there.
+"""
+
+from pathlib import Path
+
+from calibrate.data import Experiment
+from calibrate.fit import Fit, fit
+from calibrate.predict import ForwardModelMaker
+from calibrate.residuals import Problem
+from mrjax import SimulationError
+
+MOST_PREPARED = 4
+"""How often at most; a factor of 3 in velocity each."""
+
+
+def calibrated(
+    experiment: Experiment,
+    model: str | ForwardModelMaker,
+    *,
+    begin_with: str | ForwardModelMaker | None = None,
+    starts: int = 1,
+    seed: int = 0,
+    robust: float | None = None,
+    progress: bool = False,
+    checkpoint: Path | None = None,
+) -> tuple[Problem, Fit]:
+    """The fit, and the problem whose residuals it knows.
+
+    Args:
+      experiment: samples and parameters.
+      model: as for `Problem.prepare`.
+      begin_with: a cheaper model that is fitted first, from so many starts; the other begins where
+        it ends.
+      starts, robust, progress, checkpoint: as for `fit`.
+      seed: of the starts, and of suspensions that are simulated.
+
+    Raises:
+      InputError: a suspension that cannot be made, or a model that cannot be asked for what was
+        measured.
+      SimulationError: the fit that was to begin with did not converge.
+      ValueError: a checkpoint of another fit.
+    """
+    near = None
+    if begin_with is not None:
+        _, first = calibrated(experiment, begin_with, starts=starts, seed=seed, robust=robust)
+        if not first.converged:
+            raise SimulationError(
+                "the cheaper model did not converge, so that there is nothing to begin with: leave "
+                "it out, or start nearer"
+            )
+        near, starts = first.theta, 1
+    runs = 0
+    for _ in range(MOST_PREPARED):
+        problem = Problem.prepare(experiment, model, seed, near)
+        found = fit(
+            problem.residuals,
+            problem.near,
+            priors=problem.priors,
+            starts=starts,
+            seed=seed,
+            robust=robust,
+            progress=progress,
+            checkpoint=checkpoint,
+            runs=runs,
+        )
+        if problem.holds_at(found.theta):
+            break
+        near, starts, runs = found.theta, 1, found.model_runs
+    return problem, found
