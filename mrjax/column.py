@@ -7,7 +7,8 @@ fraction, and a bed that is either rigid at phi_m or compressible (`mrjax.compre
 
 Finite volumes: Godunov's flux from a table (`mrjax.kynch`) between values at the faces of linear
 profiles in the cells, Heun's steps (Shu & Osher 1988), the stress implicit. Conservative; keeps the
-fractions between 0 and phi_m; first-order, as any scheme is where there are fronts.
+fractions between 0 and phi_m; first-order, as any scheme is where there are fronts. With a
+compressible bed without the lines, for steps of Euler.
 """
 
 import math

@@ -93,7 +93,7 @@ def above_bed(of: Table, full: Array) -> Array:
 
 
 def no_steeper(of: Table, slope: Array) -> Table:
-    """f~, the largest flux below f that has slopes up to `slope`, m/s."""
+    """f~, the largest flux below f that has slopes up to `slope`, in the unit of the flux."""
     distance = jnp.abs(of.fraction[:, None] - of.fraction[None, :])
     return Table(of.fraction, jnp.min(of.flux[None, :] + slope * distance, axis=1))
 

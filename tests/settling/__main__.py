@@ -17,6 +17,7 @@ def main() -> None:
     jax.config.update("jax_enable_x64", True)
     for ensemble in tqdm(beds.missing(beds.known(beds.FILE)), desc="ensembles"):
         beds.add(ensemble)
+        jax.clear_caches()  # a process may map so many compiled programs, and no more
     for name, part in {"kynch.json": kynch, "gradients.json": gradients}.items():
         file = page.FOLDER / name
         if not file.exists():
