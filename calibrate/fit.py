@@ -39,6 +39,8 @@ SIMPLEX, SIMPLEX_ENDS = 0.5, 0.03
 TRUSTED_FROM = 0.25
 """Part of the decrease that a Gauss-Newton step promises which it must bring for the search to have
 found the valley."""
+AGAIN = 10
+"""Most steps of Levenberg-Marquardt from where a simplex led: few from near a smooth optimum."""
 ASIDE = 0.3, 0.1
 """Where slopes are compared; standard errors. Of a smooth model they differ by a third at a third
 of the distance."""
@@ -168,7 +170,7 @@ def fit(
         converged = _expects_nothing(best)
         on_a_kink = False
         if not converged and _finite(best.jacobian, best.value):
-            best, on_a_kink, more_runs = _without_slopes(compiled, given, best, finish_steps)
+            best, on_a_kink, more_runs = _without_slopes(compiled, given, best)
             converged = on_a_kink or _expects_nothing(best)
             runs += more_runs
     loss, logs, jacobian, value = best
@@ -408,7 +410,7 @@ def _finish(compiled, given, logs, most_steps) -> tuple[_End, int]:
     return end, runs
 
 
-def _without_slopes(compiled, given, end: _End, finish_steps: int) -> tuple[_End, bool, int]:
+def _without_slopes(compiled, given, end: _End) -> tuple[_End, bool, int]:
     """Nelder & Mead's simplex (scipy) in standard errors, from where slopes led no further.
 
     Returns: the end; whether it is an optimum on a kink: a second simplex finds no better, slopes
@@ -418,7 +420,7 @@ def _without_slopes(compiled, given, end: _End, finish_steps: int) -> tuple[_End
     for number, size in enumerate((SIMPLEX, -SIMPLEX, SIMPLEX)):
         found = _simplex(compiled, given, end, size)
         agree = bool(number and found.success and 2.0 * end.loss - found.fun < FOUND_AGAIN_WITHIN)
-        end, more = _finish(compiled, given, found.logs, finish_steps)
+        end, more = _finish(compiled, given, found.logs, AGAIN)
         if not 2.0 * end.loss <= found.fun:
             end = _at(compiled, given, found.logs)
         runs += found.nfev + more + 1

@@ -265,7 +265,7 @@ def test_a_prediction_along_a_direction_that_nothing_bounds_is_open(fang):
 
 def test_intervals_hold_the_truth_as_often_as_they_say():
     """The closed form, all of it; the limits are those of chance, one in a hundred."""
-    rows = coverage.measured("fang2005", "closed-form", coverage.PROFILE, 200)
+    rows = coverage.measured("fang2005", "closed-form", coverage.PROFILE, range(200))
     for one in coverage.held(rows).values():
         assert one["converged"] == one["sets"] == 200
         for level in ("68 %", "95 %"):
@@ -288,8 +288,9 @@ def test_the_page_of_recovery_shows_what_was_measured():
     assert {key[:3] for key in measured} == set(coverage.SETS)
     for key, one in measured.items():
         assert one["sets"] == coverage.SETS[key[:3]]
-        # At kinks of the column's mudline some fits do not converge, and say so.
-        assert one["converged"] == one["sets"] or (key[1] == "column" and one["converged"] > 30)
+        # Of a column's mudline, whose slopes jump, a few may not converge, and say so.
+        few = 0.02 * one["sets"] if key[1] == "column" else 0
+        assert one["converged"] >= one["sets"] - few
         for level in ("68 %", "95 %"):
             low, high = coverage.limits(one["sets"], level)
             assert low <= one[level] <= high

@@ -10,7 +10,7 @@ def main() -> None:
     jax.config.update("jax_enable_x64", True)
     rows = []
     for (experiment, model, by), sets in coverage.SETS.items():
-        rows += coverage.measured(experiment, model, by, sets)
+        rows += coverage.measured(experiment, model, by, range(sets))
         coverage.write(rows)
     page.PAGE.write_text(page.text(), encoding="utf-8")
 

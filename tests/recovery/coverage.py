@@ -7,6 +7,7 @@ that truth with the stated errors. Of N sets the share whose 68 % interval holds
 
 import csv
 from collections import OrderedDict
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
@@ -36,14 +37,16 @@ CHANCE = 0.01
 """Of a share outside its limits where the intervals are right."""
 
 
-def measured(experiment: str, model: str, by: str, sets: int, seed: int = 0) -> list[dict]:
-    """A line for each data set and parameter: whether its intervals hold the truth."""
+def measured(experiment: str, model: str, by: str, sets: Sequence[int]) -> list[dict]:
+    """A line for each of the numbered data sets, each with random numbers of its own, and each
+    parameter: whether its intervals hold the truth.
+    """
     forward = partial(predict.column, cells=CELLS) if model == "column" else model
     problem = Problem.prepare(Experiment.load(experiment), forward)
-    random = np.random.default_rng(seed)
     errors = np.array([one.standard_deviation for _, one in problem.measurements])
     rows = []
-    for number in tqdm(range(sets), desc=f"{experiment}, {model}"):
+    for number in tqdm(sets, desc=f"{experiment}, {model}"):
+        random = np.random.default_rng(number)
         truth = OrderedDict(
             (name, prior.median * np.exp(prior.log_standard_deviation * random.standard_normal()))
             for name, prior in problem.priors.items()
