@@ -39,6 +39,8 @@ SIMPLEX, SIMPLEX_ENDS = 0.5, 0.03
 TRUSTED_FROM = 0.25
 """Part of the decrease that a Gauss-Newton step promises which it must bring for the search to have
 found the valley."""
+MOST_FOR_EACH = 50
+"""Most runs of a simplex, for each value."""
 AGAIN = 10
 """Most steps of Levenberg-Marquardt from where a simplex led: few from near a smooth optimum."""
 ASIDE = 0.3, 0.1
@@ -110,7 +112,7 @@ def fit(
     seed: int = 0,
     robust: float | None = None,
     search_steps: int = 60,
-    finish_steps: int = 50,
+    finish_steps: int = 20,
     progress: bool = False,
     checkpoint: Path | None = None,
     runs: int = 0,
@@ -440,7 +442,8 @@ def _simplex(compiled, given, end: _End, size: float) -> OptimizeResult:
         return 2.0 * _half_square(compiled.everything(end.logs + to_logs @ errors, given))
 
     corners = size * np.vstack([np.zeros(to_logs.shape[1]), np.eye(to_logs.shape[1])])
-    options = dict(initial_simplex=corners, xatol=SIMPLEX_ENDS, fatol=SIMPLEX_ENDS**2)
+    most = MOST_FOR_EACH * corners.shape[1]
+    options = dict(initial_simplex=corners, xatol=SIMPLEX_ENDS, fatol=SIMPLEX_ENDS**2, maxfev=most)
     found = minimize(chi_squared, corners[0], method="Nelder-Mead", options=options)
     found.logs = end.logs + to_logs @ found.x
     return found
