@@ -426,7 +426,7 @@ def _without_slopes(compiled, given, end: _End) -> tuple[_End, bool, int]:
         if not 2.0 * end.loss <= found.fun:
             end = _at(compiled, given, found.logs)
         runs += found.nfev + more + 1
-        if _expects_nothing(end):
+        if _expects_nothing(end) or not _finite(end.jacobian):
             return end, False, runs
         if agree:
             break
