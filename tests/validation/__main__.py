@@ -21,6 +21,7 @@ def main() -> None:
     from . import page
 
     (PAGE / "README.md").write_text(page.text(HEADER), encoding="utf-8")
+    jax.clear_caches()  # a process may map so many compiled programs, and no more
     for name, figure in page.figures().items():
         figure.savefig(PAGE / f"{name}.png", dpi=120)
 
