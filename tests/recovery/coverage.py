@@ -26,7 +26,7 @@ PROFILE, CURVATURE = "profile", "curvature"
 SETS = {
     ("fang2005", "closed-form", PROFILE): 200,
     ("synthetic", "column", CURVATURE): 200,
-    ("fang2005", "particles", CURVATURE): 20,
+    ("fang2005", "particles", CURVATURE): 60,
 }
 """Number of data sets, by experiment, model and how intervals are found: by profile likelihood, or
 as standard errors from the curvature at the optimum, which takes a tenth of the time."""
