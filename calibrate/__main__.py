@@ -82,7 +82,7 @@ def cli(
     from calibrate.data import Experiment
     from calibrate.identify import identify
     from calibrate.posterior import posterior as sampled
-    from calibrate.posterior import refuse_without_end, refuse_without_sampler
+    from calibrate.posterior import refuse_without_sampler
     from calibrate.profile import profiles
 
     began = time.perf_counter()
@@ -118,7 +118,6 @@ def cli(
     faults, samples, further = [], None, {}
     if posterior and usable:
         with _told_later(faults):
-            refuse_without_end(fitted)
             samples = sampled(fitted, seed)
     if leave_one_out:
         with _told_later(faults):

@@ -4,6 +4,7 @@ What a forward model does once (the length of a run, the steps of a column) it d
 near which it is asked. Where a fit leads far away, that is done anew there.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 from calibrate.data import Experiment
@@ -29,6 +30,8 @@ def calibrated(
 ) -> tuple[Problem, Fit]:
     """The fit, and the problem whose residuals it knows.
 
+    Not converged, too, where it still leads far from where the model was prepared last.
+
     Args:
       experiment: samples and parameters.
       model: as for `Problem.prepare`.
@@ -52,7 +55,7 @@ def calibrated(
                 "it out, or start nearer"
             )
         near, starts = first.theta, 1
-    runs = 0
+    spent = 0
     for _ in range(MOST_PREPARED):
         problem = Problem.prepare(experiment, model, seed, near)
         found = fit(
@@ -64,9 +67,11 @@ def calibrated(
             robust=robust,
             progress=progress,
             checkpoint=checkpoint,
-            runs=runs,
         )
-        if problem.holds_at(found.theta):
+        spent += found.model_runs
+        holds = problem.holds_at(found.theta)
+        if holds:
             break
-        near, starts, runs = found.theta, 1, found.model_runs
-    return problem, found
+        # A search that is resumed is that of the first.
+        near, starts, checkpoint = found.theta, 1, None
+    return problem, replace(found, converged=found.converged and holds, model_runs=spent)

@@ -115,7 +115,6 @@ def fit(
     finish_steps: int = 20,
     progress: bool = False,
     checkpoint: Path | None = None,
-    runs: int = 0,
 ) -> Fit:
     """Least squares with log-normal priors.
 
@@ -138,7 +137,6 @@ def fit(
       progress: whether to show a bar.
       checkpoint: a file that keeps the search; where it is there already, the search goes on from
         it. Taken away at the end.
-      runs: evaluations already spent, to be counted.
 
     Returns:
       a Fit; look at `converged` before using it.
@@ -159,10 +157,9 @@ def fit(
     compiled = _compiled(residuals, jax.tree.structure(start), shapes, held, robust, data is None)
     each = _starts(jnp.log(values), precision, starts, seed)
     with permissive():
-        each, losses, search_runs = _search(
+        each, losses, runs = _search(
             compiled, given, each, names, optimizer, search_steps, progress, checkpoint
         )
-        runs += search_runs
         ends = []
         for logs in each:
             end, finish_runs = _finish(compiled, given, logs, finish_steps)
@@ -312,7 +309,7 @@ def _search(compiled, given, each, names, optimizer, most_steps, progress, check
     linear = partial(compiled.linearised, given=given)
     linear = jax.jit(jax.vmap(linear)) if len(each) > 1 else _of_one(linear)
     found = np.zeros(len(each), bool)
-    sound = each
+    sound = each  # where something could be predicted last, or Gauss-Newton leads
     bar = tqdm(range(done, most_steps), desc="search", disable=not progress, leave=False)
     for step in bar:
         jacobian, value = linear(each)
@@ -320,26 +317,25 @@ def _search(compiled, given, each, names, optimizer, most_steps, progress, check
         losses.append(min(losses[-1:] + [_half_square(one) for one in value]))
         bar.set_postfix(loss=f"{losses[-1]:.3g}")
         finite = np.array([_finite(*one) for one in zip(jacobian, value, strict=True)])
+        lost = ~finite & ~found
+        for row in np.flatnonzero(finite & ~found):
+            ahead = _trusted(compiled, given, each[row], jacobian[row], value[row])
+            runs += 1
+            found[row] = ahead is not None
+            sound = sound.at[row].set(ahead if found[row] else each[row])
+        # From where nothing can be predicted, halfway back to where it could.
+        back = 0.5 * (each + sound)
+        hopeless = lost & (np.abs(back - sound).max(axis=1) < HOPELESS)
+        if (found | hopeless).all():
+            break
         moving = finite & ~found
         moved, next_state = update(each, state, value, jacobian)
         state = jax.tree.map(partial(_where, moving), next_state, state)
-        for row in np.flatnonzero(moving):
-            sound = sound.at[row].set(each[row])
-            ahead = _trusted(compiled, given, each[row], jacobian[row], value[row])
-            runs += 1
-            if ahead is not None:
-                found[row] = True
-                moved = moved.at[row].set(ahead)
-        # From where nothing can be predicted, halfway back to where it could.
-        lost = ~finite & ~found
-        each = _where(moving, moved, _where(lost, 0.5 * (each + sound), each))
-        hopeless = lost & (np.abs(each - sound).max(axis=1) < HOPELESS)
-        if (found | hopeless).all():
-            break
+        each = _where(moving, moved, _where(lost, back, sound))
         if checkpoint is not None:
             kept = {"names": names, "logs": each, "losses": losses, "runs": runs, "step": step + 1}
             files.write_json(checkpoint, kept | {"began": began})
-    return _where(found, each, sound), losses, runs
+    return sound, losses, runs
 
 
 def _where(rows: np.ndarray, new: Array, old: Array) -> Array:

@@ -58,7 +58,7 @@ def posterior(fit: Fit, seed: int = 0, samples: int = SAMPLES) -> Posterior:
       InputError: blackjax is not installed, or the posterior has no end.
     """
     refuse_without_sampler()
-    refuse_without_end(fit)
+    _refuse_without_end(fit)
     import blackjax
 
     whitened, best = _whitening(fit)
@@ -108,12 +108,7 @@ def refuse_without_sampler() -> None:
             raise InputError(f"posterior samples need {package}: pip install 'mrjax[posterior]'")
 
 
-def refuse_without_end(fit: Fit) -> None:
-    """Passes where data or priors bound every value.
-
-    Raises:
-      InputError: neither bounds some.
-    """
+def _refuse_without_end(fit: Fit) -> None:
     unbounded = [name for name, one in identify(fit).standard_errors.items() if np.isinf(one)]
     if unbounded:
         raise InputError(

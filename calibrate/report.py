@@ -24,6 +24,17 @@ from mrjax import files
 LARGEST_CHI_SQUARED = 4.0
 """Of a degree of freedom, two standard deviations each: beyond it a fit is called a misfit."""
 
+SAID = {
+    "carried_by_priors_alone": (
+        "The individual value of {} is carried by the prior alone.",
+        "The individual values of {} are carried by the priors alone.",
+    ),
+    "undetermined": (
+        "Neither data nor a prior say what {} is: it is where the search happened to end.",
+        "Neither data nor a prior say what {} are: they are where the search happened to end.",
+    ),
+}
+"""What is said of values that the data do not determine: of one, and of several."""
 KINK = (
     "the optimum is where slopes jump, as where a mudline meets its bed at the time of a "
     "measurement: it was found without slopes, and errors and intervals are those of one side"
@@ -199,20 +210,10 @@ def in_words(result: dict[str, Any]) -> list[str]:
         for label, one in parameters.items()
         if len(one["samples"]) > 1
     ]
-    if carried := result["carried_by_priors_alone"]:
-        names = ", ".join(f"`{name}`" for name in carried)
-        lines.append(
-            f"The individual value{'s' if len(carried) > 1 else ''} of {names} "
-            f"{'are' if len(carried) > 1 else 'is'} carried by the prior"
-            f"{'s' if len(carried) > 1 else ''} alone."
-        )
-    if undetermined := result["undetermined"]:
-        names = ", ".join(f"`{name}`" for name in undetermined)
-        lines.append(
-            f"Neither data nor a prior say what {names} "
-            f"{'are' if len(undetermined) > 1 else 'is'}: "
-            f"{'they are' if len(undetermined) > 1 else 'it is'} where the search happened to end."
-        )
+    for key, (one, several) in SAID.items():
+        if names := result[key]:
+            listed = ", ".join(f"`{name}`" for name in names)
+            lines.append((several if len(names) > 1 else one).format(listed))
     return lines
 
 
@@ -258,7 +259,7 @@ def markdown(name: str, model: str, result: dict[str, Any], figures: dict[str, F
                 *(_range(one["profile"], coverage) for coverage in LEVELS),
                 _prior(one),
                 _sampled(one["posterior"]),
-                "yes" if one["determined"] else "no, prior only",
+                _determined(one),
             ]
             for label, one in result["parameters"].items()
         ),
@@ -442,6 +443,12 @@ def _prior(one: dict[str, Any]) -> str:
     if spread is None:
         return f"none{within}"
     return f"{one['prior_median']:g}, {np.exp(spread):.3g}{within}"
+
+
+def _determined(one: dict[str, Any]) -> str:
+    if one["determined"]:
+        return "yes"
+    return "no" if one["prior_log_standard_deviation"] is None else "no, prior only"
 
 
 def _sampled(posterior: dict[str, float] | None) -> str:

@@ -119,7 +119,7 @@ def simulate(
     )
     velocity = float(mrjax.settling_velocity(rise))
     numbers = validity.numbers(parameters, velocity)
-    warnings = [one.warning for one in numbers if one.warning]
+    warnings = validity.warnings(numbers)
     summary = {
         "recipe": sheet.name,
         "settling_velocity_mm_per_day": figures.MM_PER_DAY * velocity,

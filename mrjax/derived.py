@@ -70,5 +70,4 @@ def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
 def warnings(recipe: Recipe) -> list[str]:
     """One line for each assumption of the model that the suspension does not meet."""
     parameters = recipe.parameters()
-    numbers = validity.numbers(parameters, theory.terminal_velocity(parameters))
-    return [one.warning for one in numbers if one.warning]
+    return validity.warnings(validity.numbers(parameters, theory.terminal_velocity(parameters)))

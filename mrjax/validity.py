@@ -5,6 +5,7 @@ St = v / (alpha R)                                  below 1: fluid has no memory
 Pe = (m - m_f) g R / (k T)                          above 10: gravity moves them, not heat
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import jax.numpy as jnp
@@ -38,6 +39,11 @@ class Number:
             return None
         side = "above" if self.at_most else "below"
         return f"{self.name} number {self.value:.2g} is {side} {self.bound:g}: {self.beyond}"
+
+
+def warnings(of: Iterable[Number]) -> list[str]:
+    """One line for each number that is out of range."""
+    return [one.warning for one in of if one.warning]
 
 
 def numbers(

@@ -379,6 +379,15 @@ def test_a_model_is_prepared_again_where_the_fit_leads(tube):
     assert float(begun.theta["f_s"]) == near(float(ends[1]), rel=0.02)
 
 
+def test_a_fit_that_leads_far_from_where_its_model_holds_has_not_converged(tube, monkeypatch):
+    """However well it ends by itself, if the model is not prepared there."""
+    monkeypatch.setattr("calibrate.calibration.MOST_PREPARED", 1)
+    tube.write_text(TUBE.replace('name = "f_s"\nvalue = 1.1', FREE_SHAPE.format(40.0)))
+    coarse = partial(calibrate.FORWARD_MODELS["column"], cells=20)
+    problem, found = calibrated(Experiment.load(tube), coarse)
+    assert not problem.holds_at(found.theta) and not found.converged
+
+
 def test_where_nothing_is_felt_there_is_no_optimum(tube):
     """Every reading after the bed is met, by a median a thousand times too fast."""
     lines = TUBE.split("[[parameter]]")[0].replace("final_ratio", "# final_ratio")
