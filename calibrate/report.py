@@ -52,8 +52,8 @@ def summary(
     """Everything a fit found, as plain tables. `predicted` is `problem.predict`, (M,)."""
     free = max(1, len(predicted) - len(found.combinations))
     labels = {one.variable: one.label for one in problem.experiment.parameters}
-    alone = [labels[name] for name in fit.names if not found.determined[name]]
-    believed = {one.label for one in problem.experiment.parameters if one.prior is not None}
+    alone = [name for name in fit.names if not found.determined[name]]
+    bounded = [name for name in alone if np.isfinite(found.standard_errors[name])]
     return {
         "converged": fit.converged,
         "on_a_kink": fit.on_a_kink,
@@ -68,8 +68,8 @@ def summary(
             for one in found.combinations
         ],
         "null_directions": list(found.null_directions),
-        "carried_by_priors_alone": [name for name in alone if name in believed],
-        "undetermined": [name for name in alone if name not in believed],
+        "carried_by_priors_alone": [labels[name] for name in bounded],
+        "undetermined": [labels[name] for name in alone if name not in bounded],
         "predictions": _predictions(problem, fit, predicted),
         "notes": [
             f"sample {sample.name}: {note}"
@@ -448,7 +448,7 @@ def _prior(one: dict[str, Any]) -> str:
 def _determined(one: dict[str, Any]) -> str:
     if one["determined"]:
         return "yes"
-    return "no" if one["prior_log_standard_deviation"] is None else "no, prior only"
+    return "no, prior only" if np.isfinite(one["standard_error"]) else "no"
 
 
 def _sampled(posterior: dict[str, float] | None) -> str:
@@ -459,7 +459,9 @@ def _sampled(posterior: dict[str, float] | None) -> str:
 
 def _with_error(value: float, error: float) -> str:
     """Value and error with two digits of the error."""
-    if not (np.isfinite(error) and error > 0):
+    if not np.isfinite(error):
         return f"{value:.4g} (error unbounded)"
+    if error == 0.0:  # such as the height before anything has settled
+        return f"{value:.4g}"
     digits = max(0, 1 - int(np.floor(np.log10(error))))
     return f"{value:.{digits}f} ± {error:.{digits}f}"

@@ -12,7 +12,7 @@ import pytest
 
 import calibrate
 import mrjax
-from calibrate import Experiment, LogNormal, Problem
+from calibrate import Experiment, LogNormal, Problem, report
 from calibrate.calibration import calibrated
 from calibrate.data import Measurement, Sample
 from calibrate.fitted import ParameterSheet, fitted
@@ -359,6 +359,7 @@ def test_a_wrong_tube_gets_one_line(tube, old, new, words):
         assert word in message
 
 
+PRIOR_OF_EXPONENT = "log_standard_deviation = 0.2\n"
 FREE_SHAPE = 'name = "f_s"\nmedian = {}'
 
 
@@ -395,6 +396,32 @@ def test_where_nothing_is_felt_there_is_no_optimum(tube):
     tube.write_text(f"{lines}{bed}[[parameter]]\n{FREE_SHAPE.format(1e-3)}")
     _, found = calibrated(Experiment.load(tube), "closed-form")
     assert not found.converged
+
+
+def test_what_another_prior_bounds_is_not_called_undetermined(tube):
+    """f_s has no prior; its product with what the exponent makes is measured, and that has one."""
+    shape = FREE_SHAPE.format(1.1)
+    text = TUBE.replace('name = "f_s"\nvalue = 1.1', shape)
+    ends = {}
+    for name in ("bounded", "open"):
+        tube.write_text(text if name == "bounded" else text.replace(PRIOR_OF_EXPONENT, ""))
+        problem, found = calibrated(Experiment.load(tube), "closed-form")
+        predicted = np.asarray(problem.predict(found.theta))
+        result = report.summary(problem, found, calibrate.identify(found), predicted)
+        ends[name] = result["carried_by_priors_alone"], result["undetermined"]
+        said = "\n".join(report.in_words(result))
+        page = report.markdown("tube", "closed-form", result | {"wall_seconds": 0.0}, {})
+        assert ("Neither data nor a prior say" in said) == (name == "open")
+        assert ("no, prior only" in page) == (name == "bounded")
+    assert ends["bounded"] == (["f_w.exponent", "f_s"], [])
+    assert ends["open"] == ([], ["f_w.exponent", "f_s"])
+
+
+@pytest.mark.parametrize(
+    "error, words", [(0.5, "10.00 ± 0.50"), (0.0, "10"), (np.inf, "10 (error unbounded)")]
+)
+def test_an_error_may_be_none_or_unbounded(error, words):
+    assert report._with_error(10.0, error) == words
 
 
 def test_parameters_of_one_name_have_labels_of_their_own():
