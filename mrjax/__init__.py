@@ -2,11 +2,13 @@
 
 from importlib.metadata import version
 
+import mrjax.hush  # noqa: F401 - has to come before JAX
 from mrjax.box import Box
 from mrjax.column import Column, column, column_steps
 from mrjax.compression import Compression
 from mrjax.concentration import bed_front, concentration
 from mrjax.disperse import disperse
+from mrjax.ensemble import ensemble
 from mrjax.errors import InputError, SimulationError
 from mrjax.history import Contacts
 from mrjax.loads import contact_forces, coordination_number
@@ -53,6 +55,7 @@ __all__ = [
     "contact_forces",
     "coordination_number",
     "disperse",
+    "ensemble",
     "mudline_descent",
     "place",
     "reynolds_number",

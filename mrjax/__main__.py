@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from mrjax import commands, files, timestep
+from mrjax import commands, files, processes, timestep
 from mrjax.errors import InputError
 from mrjax.sedimentation import OVERLAP, standard_error
 from mrjax.soften import MOST_OVERLAP
@@ -36,6 +36,7 @@ def cli() -> None:
       mrjax simulate case2 --out results
       mrjax simulate mine.toml --ensemble 8 --overlap 0.02
       mrjax simulate mine.toml --duration 1e-6 --frames 200 --seed 3
+      mrjax simulate mine.toml --ensemble 64 --distributed node7:1234,4,0   # 1, 2, 3 elsewhere
     """
 )
 @click.argument("recipe")
@@ -70,6 +71,7 @@ def cli() -> None:
     show_default=True,
     help="Number of random starts, with seeds from --seed on, to rest.",
 )
+@commands.distributed_option
 @commands.seed_option
 @commands.dtype_option
 @click.option("--quiet", is_flag=True, help="No progress, no summary on the terminal.")
@@ -81,6 +83,7 @@ def simulate(
     frames: int,
     overlap: float,
     ensemble: int,
+    distributed: tuple[str | None, int | None, int | None] | None,
     seed: int,
     dtype: str,
     quiet: bool,
@@ -93,13 +96,17 @@ def simulate(
 
     began = time.perf_counter()
     commands.set_precision(dtype)
-    sheet = mrjax.Recipe.load(recipe)
+    if distributed is not None:
+        if duration is not None:
+            raise click.UsageError("--distributed divides an --ensemble: leave out --duration")
+        processes.join(*distributed)
+    sheet = processes.by_first(lambda: mrjax.Recipe.load(recipe))
     for name, value in (("--duration", duration), ("--time-step", time_step)):
         if value is not None:
             checks.positive(value, name, "s")
     if duration is not None and ensemble > 1:
         raise click.UsageError("--ensemble goes to rest: leave out --duration")
-    folder = files.result_folder(Path(out))
+    folder = processes.by_first(lambda: files.result_folder(Path(out)))
     parameters = sheet.parameters()
     relaxation = float(timestep.relaxation_time(parameters).max())
     notes = list(sheet.notes)
@@ -141,8 +148,10 @@ def simulate(
             overlap=overlap,
             frames=frames,
             time_step=time_step,
-            progress=not quiet,
+            progress=not quiet and processes.is_first(),
         )
+        if not processes.is_first():
+            return
         run, columns = whole.run, _curve(whole)
         summary |= _at_rest(whole)
         figure = figures.sedimentation(whole)

@@ -2,12 +2,14 @@
 
 import importlib.metadata
 import os
+import re
 import sys
 from collections.abc import Callable
 
 import click
 import jax
 
+from mrjax import cache
 from mrjax.errors import InputError, SimulationError
 
 UNTRUSTED, WRONG_INPUT, INTERRUPTED = 1, 2, 130
@@ -44,6 +46,29 @@ dtype_option = click.option(
     help="Precision of the computation.",
 )
 
+distributed_option = click.option(
+    "--distributed",
+    callback=lambda _context, _option, text: _processes(text),
+    metavar="HOST:PORT,COUNT,ID",
+    help="One of COUNT processes on one machine or several that divide the work: the same command "
+    "for all, but for the ID, 0 to COUNT - 1. HOST:PORT is where process 0, which alone writes "
+    "results, can be reached. `auto` asks the scheduler of a cluster (Slurm, Open MPI, ...).",
+)
+
+
+def _processes(text: str | None) -> tuple[str | None, int | None, int | None] | None:
+    """HOST:PORT, COUNT and ID; nothing of them for `auto`, and None without the option."""
+    if text is None:
+        return None
+    if text == "auto":
+        return None, None, None
+    found = re.fullmatch(r"(.+:\d+),(\d+),(\d+)", text)
+    if found is None or not int(found[3]) < int(found[2]):
+        raise click.BadParameter(
+            f"{text!r}: must be HOST:PORT,COUNT,ID with an ID from 0 to COUNT - 1, or auto"
+        )
+    return found[1], int(found[2]), int(found[3])
+
 
 def set_precision(dtype: str) -> None:
     """Makes `dtype` JAX's default for the rest of the process."""
@@ -57,6 +82,7 @@ def versions() -> dict[str, str]:
 
 def run(command: click.Command, name: str) -> None:
     """Runs a command and exits: 0 done, 1 not to be trusted, 2 wrong input, 130 interrupted."""
+    cache.keep()
     try:
         sys.exit(command.main(prog_name=name, standalone_mode=False))
     except (InputError, SimulationError, click.ClickException) as error:

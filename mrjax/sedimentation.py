@@ -9,7 +9,7 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from mrjax import observe
+from mrjax import observe, processes
 from mrjax.disperse import disperse
 from mrjax.errors import InputError
 from mrjax.parameters import Parameters
@@ -54,7 +54,8 @@ def sedimentation(
     """Disperses a recipe and lets it settle to rest at its own viscosity.
 
     Contacts are softened to an overlap (`softened`); the drag is that of the sheet, local where it
-    says so.
+    says so. Starts are divided among the processes where `jax.distributed` is initialised: every
+    one makes this call with the same arguments and gets all runs.
 
     Args:
       recipe: the lab sheet.
@@ -72,7 +73,9 @@ def sedimentation(
     seeds = (seeds,) if isinstance(seeds, int) else tuple(seeds)
     if not seeds:
         raise InputError("seeds is empty: give at least one")
-    states = [disperse(recipe, seed, dtype=dtype) for seed in seeds]
+    states = processes.divided(
+        lambda share: [disperse(recipe, seed, dtype=dtype) for seed in share], seeds
+    )
     stiff = recipe.parameters(dtype)
     parameters = softened(stiff, recipe.box, recipe.particle_count, overlap)
     run = settle(

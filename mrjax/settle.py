@@ -1,6 +1,5 @@
 """The whole sedimentation curve: a run, or an ensemble of runs, until the bed rests."""
 
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -12,7 +11,7 @@ import numpy as np
 from jax import Array
 from tqdm import tqdm
 
-from mrjax import checks, expected, history, particle
+from mrjax import checks, expected, history, particle, processes
 from mrjax.box import Box
 from mrjax.concrete import known
 from mrjax.errors import InputError, SimulationError
@@ -48,7 +47,8 @@ def settle(
 
     At the stiffness of real particles that takes 1e12 steps: give parameters that `softened` made.
     Not for traced calls. Gradients of the curve are those of `simulate` with `duration`, `frames`
-    and `time_step` from the run that this returns.
+    and `time_step` from the run that this returns. Where `jax.distributed` is initialised, every
+    process makes this call with the same states, follows its share of them, and gets all runs.
 
     Args:
       states: where the particles start; or several such states, of as many particles each, which
@@ -99,7 +99,7 @@ def settle(
         )
         speeds = rest, falling
         follow = partial(_until_rest, parameters, hindrance, box, setup, speeds, longest, progress)
-        runs = _side_by_side(follow, each)
+        runs = processes.divided(partial(_side_by_side, follow), each)
         if all(int(run.fault) != Fault.UNSTABLE for run in runs):
             break
         time_step = SHORTER * setup.duration / setup.cuts.total
@@ -117,11 +117,11 @@ def _numbers(parameters: Parameters, states: list[State]) -> tuple[Parameters, f
     return numbers, max(highest)
 
 
-def _side_by_side(follow: Callable[[int, State], Run], states: list[State]) -> list[Run]:
+def _side_by_side(follow: Callable[[int, State], Run], states: Sequence[State]) -> list[Run]:
     """Every state followed, one on each processor: a run is busy outside Python."""
-    if len(states) == 1:
-        return [follow(0, states[0])]
-    pool = ThreadPoolExecutor(os.cpu_count())
+    if len(states) <= 1:
+        return [follow(0, state) for state in states]
+    pool = ThreadPoolExecutor(processes.usable_cores())
     try:
         return list(pool.map(follow, range(len(states)), states))
     finally:  # an interruption does not wait for the others

@@ -24,7 +24,7 @@ def start(*arguments, module="mrjax", folder: Path) -> subprocess.Popen:
         stderr=subprocess.PIPE,
         text=True,
         cwd=folder,
-        env={**os.environ, "JAX_PLATFORMS": "cpu"},
+        env={**os.environ, "JAX_PLATFORMS": "cpu", "JAX_ENABLE_COMPILATION_CACHE": "false"},
     )
 
 
@@ -298,6 +298,18 @@ WRONG = {
     "ensemble": (
         ["simulate", "case2", "--ensemble", "2", "--duration", "1e-7"],
         ["--ensemble goes to rest: leave out --duration"],
+    ),
+    "which process": (
+        ["simulate", "case2", "--distributed", "here:1234,2,2"],
+        ["'here:1234,2,2': must be HOST:PORT,COUNT,ID"],
+    ),
+    "no scheduler": (
+        ["simulate", "case2", "--distributed", "auto"],
+        ["the processes did not find each other", "HOST:PORT"],
+    ),
+    "nothing to divide": (
+        ["simulate", "case2", "--distributed", "here:1234,2,1", "--duration", "1e-7"],
+        ["--distributed divides an --ensemble: leave out --duration"],
     ),
     "unstable": (
         ["simulate", "case2", "--duration", "100", "--time-step", "1e-3"],

@@ -1,0 +1,54 @@
+"""Compiled programs, kept in the user's cache folder for the next start of a command line."""
+
+import hashlib
+import importlib.metadata
+import platform
+import tempfile
+import warnings
+from pathlib import Path
+
+import jax
+import numpy as np
+import platformdirs
+
+MOST_BYTES = 2**28
+"""Size of a folder at which what was not used for longest makes room: some fifty commands."""
+
+
+def keep() -> None:
+    """Has JAX keep what it compiles from here on, unless the environment says where, or not to.
+
+    A folder that cannot be written to is no fault: programs are then compiled at every start.
+    """
+    if jax.config.jax_compilation_cache_dir or not jax.config.jax_enable_compilation_cache:
+        return
+    folder = platformdirs.user_cache_path("mrjax", appauthor=False) / _machine()
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+        _mend(folder)
+    except OSError:
+        return
+    # A disk may be full later.
+    warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache")
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+    jax.config.update("jax_compilation_cache_max_size", MOST_BYTES)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+
+
+def _machine() -> str:
+    """A name for what compiled programs hang on: another processor may crash on them."""
+    features = np.show_config(mode="dicts")["SIMD Extensions"]
+    digest = hashlib.sha256(repr(features).encode()).hexdigest()[:12]
+    return f"jaxlib-{importlib.metadata.version('jaxlib')}-{platform.machine()}-{digest}"
+
+
+def _mend(folder: Path) -> None:
+    """Takes away what an interrupted start wrote by half: JAX notes the time of use last.
+
+    Where one entry lacks it, JAX finds no room for further ones.
+    """
+    for entry in folder.glob("*-cache"):
+        if not entry.with_name(entry.name.removesuffix("-cache") + "-atime").exists():
+            entry.unlink(missing_ok=True)

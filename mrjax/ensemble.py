@@ -1,0 +1,65 @@
+"""One function of many members, spread over all devices of all processes."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
+
+from mrjax.errors import InputError
+
+
+def ensemble(function: Callable[[Any], Any], members: Any) -> Any:
+    """A function of every member, in one compiled call.
+
+    Members are divided among the devices, and follow each other on each. What comes out does not
+    depend on how many members there are, nor on the processes to which the devices belong. It can
+    be differentiated with respect to the members and to what the function holds. Where
+    `jax.distributed` is initialised, every process makes this call with the same members, and gets
+    all results.
+
+    A processor is one device, unless `jax.config.update("jax_num_cpu_devices", cores)` comes before
+    anything is computed.
+
+    Args:
+      function: of one member, such as a run with its parameters; traced, and compiled once for as
+        long as it is the same object.
+      members: a pytree of arrays with a leading axis (M, ...).
+
+    Returns:
+      What the function gives, each array with a leading axis (M, ...).
+
+    Raises:
+      InputError: members that differ in number, or none.
+    """
+    counts = {np.shape(leaf)[:1] for leaf in jax.tree.leaves(members)}
+    if len(counts) != 1 or counts & {(), (0,)}:
+        raise InputError("members must be arrays with one leading axis, of the same length, not 0")
+    mesh = Mesh(np.array(jax.devices()), ("members",))
+    return jax.tree.map(_at_hand, _everywhere(function, mesh, members))
+
+
+@partial(jax.jit, static_argnames=("function", "mesh"))
+def _everywhere(function: Callable, mesh: Mesh, members: Any) -> Any:
+    """The compiled call; its results on every device."""
+    count = len(jax.tree.leaves(members)[0])
+    missing = -count % mesh.size  # the last one, again and again
+
+    def filled(leaf):
+        return jnp.concatenate([leaf, jnp.repeat(leaf[-1:], missing, axis=0)])
+
+    axis = PartitionSpec("members")
+    found = jax.shard_map(
+        partial(lax.map, function), mesh=mesh, in_specs=axis, out_specs=axis, check_vma=False
+    )(jax.tree.map(filled, members))
+    everywhere = NamedSharding(mesh, PartitionSpec())
+    return jax.tree.map(lambda leaf: lax.with_sharding_constraint(leaf[:count], everywhere), found)
+
+
+def _at_hand(leaf: Any) -> Any:
+    """The copy of this process' first device; traced values as they are."""
+    return leaf if isinstance(leaf, jax.core.Tracer) else leaf.addressable_data(0)

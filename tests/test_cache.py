@@ -1,0 +1,101 @@
+"""Programs kept from one start of a command to the next, and who must not notice."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from mrjax import cache
+
+SHORT = ("-m", "mrjax", "simulate", "case2", "--duration", "1.5e-7", "--frames", "2", "--quiet")
+CLOSED = ("-m", "calibrate", "fang2005", "--model", "closed-form", "--quiet")
+
+
+def start(*arguments, folder: Path, **environment) -> str:
+    """Starts Python in a folder; what it says on standard error."""
+    ours = {"JAX_PLATFORMS": "cpu", "HOME": str(folder), "XDG_CACHE_HOME": str(folder / "home")}
+    kept = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in ("JAX_COMPILATION_CACHE_DIR", "TF_CPP_MIN_LOG_LEVEL")
+    }
+    done = subprocess.run(
+        [sys.executable, *arguments],
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        env={"MPLCONFIGDIR": "/tmp", **kept, **ours, **environment},
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stderr
+
+
+def programs(folder: Path) -> set[Path]:
+    return set(folder.glob("home/mrjax/jaxlib-*/*-cache"))
+
+
+def uses(folder: Path) -> dict[Path, bytes]:
+    """When each kept program was last used."""
+    return {file: file.read_bytes() for file in folder.glob("home/mrjax/jaxlib-*/*-atime")}
+
+
+linux = pytest.mark.skipif(sys.platform != "linux", reason="elsewhere the folder cannot be moved")
+
+
+@linux
+@pytest.mark.parametrize("command", [SHORT, CLOSED], ids=["mrjax", "calibrate"])
+def test_the_second_start_compiles_nothing(tmp_path, command):
+    start(*command, folder=tmp_path)
+    kept, before = programs(tmp_path), uses(tmp_path)
+    assert len(kept) > 20 and len(before) == len(kept)
+    # Nor does it say what XLA has to say of each program that it loads.
+    assert start(*command, folder=tmp_path) == ""
+    assert programs(tmp_path) == kept
+    after = uses(tmp_path)
+    assert sum(after[file] != before[file] for file in before) > 20
+
+
+@linux
+def test_a_library_keeps_nothing_and_hushes_nothing(tmp_path):
+    seen = (
+        "import os, mrjax, jax; jax.numpy.arange(3.0).sum();"
+        "assert os.environ.get('TF_CPP_MIN_LOG_LEVEL') != '3';"
+        "assert jax.config.jax_compilation_cache_dir is None"
+    )
+    start("-c", seen, folder=tmp_path)
+    assert not (tmp_path / "home").exists()
+
+
+@pytest.mark.parametrize("name", ["mrjax", "mrjax-calibrate"])
+def test_scripts_are_hushed_like_modules(tmp_path, name):
+    """As the installed scripts start."""
+    seen = (
+        f"import sys, os; sys.argv = ['/bin/{name}'];"
+        "import mrjax; assert os.environ['TF_CPP_MIN_LOG_LEVEL'] == '3'"
+    )
+    start("-c", seen, folder=tmp_path)
+
+
+@linux
+@pytest.mark.parametrize(
+    "name, value", [("JAX_COMPILATION_CACHE_DIR", "mine"), ("JAX_ENABLE_COMPILATION_CACHE", "0")]
+)
+def test_the_environment_decides(tmp_path, name, value):
+    start(*SHORT, folder=tmp_path, **{name: value})
+    assert not (tmp_path / "home").exists()
+
+
+@linux
+def test_a_folder_that_cannot_be_written_to_is_no_fault(tmp_path):
+    (tmp_path / "home").write_text("not a folder")
+    assert start(*SHORT, folder=tmp_path) == ""
+
+
+def test_what_was_written_by_half_is_taken_away(tmp_path):
+    for name in ("whole-cache", "whole-atime", "half-cache"):
+        (tmp_path / name).write_text("")
+    cache._mend(tmp_path)
+    assert {file.name for file in tmp_path.iterdir()} == {"whole-cache", "whole-atime"}
