@@ -1,0 +1,105 @@
+"""Particle-steps in a second, dispersed and at rest, in turns with LIGGGHTS.
+
+Both codes begin where the other does, forget what contacts remembered, and run some steps before
+the clock starts. What they leave behind is looked at: it has to be the same bed.
+"""
+
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import numpy as np
+
+import mrjax
+from mrjax.simulate import attempt, prepared
+
+from . import liggghts, process, states, timing
+from .process import Process
+
+WORK = 5e6
+"""Particle-steps of a run, which takes some seconds."""
+LEAST_STEPS, MOST_STEPS = 128, 30_000
+"""The most there are between rebuilds of the list; and as long as a dispersed box stays so."""
+WARM = 2_000
+DTYPES = ("float64", "float32")
+
+
+def measured(
+    folder: Path, tiles: tuple[int, ...] = states.TILES, repetitions: int = 3, work: float = WORK
+) -> Iterator[dict]:
+    """A row for every phase, size and number of cores."""
+    for phase in (states.DILUTE, states.SETTLED):
+        states.make(folder, phase)
+        for times in tiles:
+            for cores in process.numbers_of_cores():
+                yield _row(folder, phase, times, cores, repetitions, work)
+
+
+def _row(folder: Path, phase: str, tiles: int, cores: int, repetitions: int, work: float) -> dict:
+    state, box = states.load(folder, phase, tiles)
+    position, velocity = np.asarray(state.position), np.asarray(state.velocity)
+    steps = int(np.clip(work / len(position), LEAST_STEPS, MOST_STEPS))
+    warm = min(WARM, steps)
+    found = {name: {"seconds": []} for name in DTYPES}
+    compared = liggghts.available(cores)
+    if compared:
+        found["liggghts"] = {"seconds": []}
+    with ExitStack() as stack:
+        given = {"folder": str(folder), "phase": phase, "tiles": tiles, "steps": steps}
+        ours = {}
+        for dtype in DTYPES:
+            asked = Process("throughput", {**given, "warm": warm, "dtype": dtype}, cores)
+            ours[dtype] = stack.enter_context(asked)
+            found[dtype].update(ours[dtype].answer())
+        for _ in range(repetitions):
+            found["float64"]["seconds"].append(ours["float64"].again()["seconds"])
+            if compared:  # between the two, so that it is next to either
+                theirs = liggghts.run(
+                    position, velocity, box, steps=steps, warm=warm, number_of_cores=cores
+                )
+                look = states.look(theirs.position, theirs.velocity)
+                found["liggghts"].update(builds=theirs.builds, **look)
+                found["liggghts"]["seconds"].append(theirs.seconds)
+            found["float32"]["seconds"].append(ours["float32"].again()["seconds"])
+    for code in found.values():
+        code["rate"] = timing.spread([len(position) * steps / one for one in code["seconds"]])
+    if compared:
+        for dtype in DTYPES:
+            pair = found["liggghts"]["seconds"], found[dtype]["seconds"]
+            found[dtype]["over_liggghts"] = timing.ratios(*pair)
+    of = {"phase": phase, "particles": len(position), "cores": cores, "steps": steps, "warm": warm}
+    return {**of, **found}
+
+
+def here(
+    folder: str, phase: str, tiles: int, steps: int, warm: int, dtype: str
+) -> Iterator[dict[str, float]]:
+    """First what the run is and where it ends, then how long it takes, again and again."""
+    state, box = states.load(Path(folder), phase, tiles, dtype)
+    parameters = states.dry()
+    chosen = {"time_step": states.TIME_STEP, "skin": states.SKIN}
+    if warm:
+        state = mrjax.simulate(
+            state, parameters, box, duration=warm * states.TIME_STEP, **chosen
+        ).state
+    duration = steps * states.TIME_STEP
+    setup = prepared(state, parameters, box, duration=duration, frames=1, **chosen)
+    first = attempt(state, parameters, None, box, setup)
+
+    def follow() -> mrjax.Run:
+        return mrjax.simulate(state, parameters, box, duration=duration, **chosen)
+
+    faulty = bool(int(first.fault))
+    run = follow() if faulty else first
+    yield {
+        "builds": setup.cuts.frames * setup.cuts.intervals,
+        # A plain call then repeats itself with more room, every time.
+        "repeats": faulty,
+        **states.look(np.asarray(run.state.position), np.asarray(run.state.velocity)),
+    }
+    while True:
+        yield {"seconds": timing.seconds(follow)}
+
+
+if __name__ == "__main__":
+    process.serve(here)
