@@ -51,6 +51,7 @@ def impact_overlap(
 
 
 @jax.custom_jvp
+@jax.jit
 def damping_ratio(restitution: ArrayLike) -> Array:
     """Damping ratio z for which a dry impact returns e times its speed, 0 < e <= 1; 1.
 

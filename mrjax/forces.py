@@ -16,6 +16,7 @@ from mrjax import contact, friction, history, particle, rolling, surfaces
 from mrjax.concrete import concrete
 from mrjax.history import Memory
 from mrjax.pairs import Pairs
+from mrjax.pairwise import pairwise
 from mrjax.parameters import Parameters, per_particle
 from mrjax.surfaces import Surfaces
 from mrjax.vectors import Vector, cross, dot, plus, times
@@ -51,7 +52,7 @@ class Loads(NamedTuple):
     force: Array  # N, (3, N)
     torque: Array  # N m, (3, N)
     memory: Memory
-    overlap: Array  # of the contacts, m; negative where apart; (P,)
+    overlap: Array  # of the contacts, m; 0 where apart; (P,)
 
 
 Law = Callable[[Array, Array, Array, Memory], Loads]
@@ -79,25 +80,74 @@ def total(
       what has been travelled since it was built, velocities and spins, (3, N) each, and the memory
       of the contacts.
     """
-    radius = per_particle(particle.outer_radius(parameters), particles)
+    radius = particle.outer_radius(parameters)
     weight = per_particle(particle.net_weight(parameters), particles)
     pull = jnp.stack([jnp.zeros_like(weight), jnp.zeros_like(weight), -weight])
 
     def law(listed: Pairs) -> Law:
         constants = surfaces.of(parameters, material, listed)
+        each = [i for i, constant in enumerate(constants) if jnp.ndim(constant)]
+        same = [i for i in range(len(constants)) if i not in each]
+        by_pair = [jnp.stack([constants[i] for i in each])] if each else []
+        alike = [constants[i] for i in same] + ([] if jnp.ndim(radius) else [radius])
+        of_all = [jnp.stack(alike)] if alike else []
+        separation = jnp.stack(listed.separation)
+
+        def bodies(first: list, second: list, common: list) -> tuple[Body, Body]:
+            mine, theirs = (own[3:] or common[0][-1:] for own in (first, second))
+            return Body(*first[:3], *mine), Body(*second[:3], *theirs)
+
+        def touching(first: list, second: list, pair: list, common: list) -> Array:
+            mine, theirs = bodies(first, second, common)
+            between = apart(mine, theirs, *pair[:2])
+            reach = mine.radius + jnp.where(pair[1] < 0, theirs.radius, 0.0)
+            return dot(between, between) < reach**2
+
+        def acting(first: list, second: list, pair: list, common: list):
+            meeting = _meeting(*bodies(first, second, common), *pair[:2])
+            left = iter(pair[2:])
+            memory = Memory(
+                *(next(left) if acts else None for acts in (laws.sliding, laws.rolling))
+            )
+            values = dict(zip(same, *common, strict=False)) if same else {}
+            values |= dict(zip(each, next(left, ()), strict=True))
+            of_pair = Surfaces(*(values[i] for i in range(len(constants))))
+            force, turning, new = _contact(meeting, of_pair, memory, laws, time_step)
+            mine, theirs = ([], []) if turning is None else ([turning[0]], [turning[1]])
+            kept = [of for of in (new.sliding, new.rolling) if of is not None]
+            return [force, *mine], [times(-1.0, force), *theirs], [*kept, meeting.overlap]
 
         def loads(displacement, velocity, spin, memory: Memory) -> Loads:
-            meeting = _meeting(displacement, velocity, spin, listed, radius)
-            acting, turning, memory = _contact(meeting, constants, memory, laws, time_step)
-            force = pull + jnp.stack([listed.opposed(part) for part in acting])
-            torque = jnp.zeros_like(force)
-            if turning is not None:
-                torque = jnp.stack([listed.summed(*of) for of in zip(*turning, strict=True)])
-            return Loads(force, torque, memory, meeting.overlap)
+            before = [of for of in (memory.sliding, memory.rolling) if of is not None]
+            (force, *torque), kept = pairwise(
+                acting,
+                touching,
+                listed,
+                [displacement, velocity, spin, *([radius] if jnp.ndim(radius) else [])],
+                [separation, listed.axis, *before, *by_pair],
+                of_all,
+                replaced=range(2, 2 + len(before)),
+            )
+            left = iter(kept)
+            memory = Memory(
+                *(next(left) if acts else None for acts in (laws.sliding, laws.rolling))
+            )
+            force = pull + force
+            torque = torque[0] if torque else jnp.zeros_like(force)
+            return Loads(force, torque, memory, next(left))
 
         return loads
 
     return law
+
+
+class Body(NamedTuple):
+    """One of the two that meet; a wall moves nowhere."""
+
+    displacement: Vector  # since the list was built
+    velocity: Vector  # m/s
+    spin: Vector  # rad/s
+    radius: Array  # m
 
 
 class Meeting(NamedTuple):
@@ -114,27 +164,38 @@ class Meeting(NamedTuple):
     rolling: Vector  # spin relative to the partner's, without its part along the normal, rad/s
 
 
-def _meeting(
-    displacement: Array, velocity: Array, spin: Array, listed: Pairs, radius: Array
-) -> Meeting:
-    """A wall mirrors the particle: the arm is R - d/2, and the normal does not turn."""
-    apart = listed.separated(displacement)
-    square = dot(apart, apart)
-    distance = jnp.sqrt(jnp.where(listed.present & (square > 0.0), square, 1.0))
-    normal = times(1.0 / distance, apart)
-    mine, theirs = radius[listed.first], radius[listed.second]
-    turns = 1.0 / distance
-    if listed.wall is not None:
-        theirs = jnp.where(listed.wall, 0.0, theirs)
-        turns = jnp.where(listed.wall, 0.0, turns)
-    overlap = jnp.where(listed.present, mine + theirs - distance, -mine)
-    arm, their_arm = mine - 0.5 * overlap, theirs - 0.5 * overlap
-    velocity = listed.difference(velocity)
+def apart(mine: Body, theirs: Body, separation: Vector, axis: Array) -> Vector:
+    """From the partner to the particle; from a wall, at a right angle."""
+    moved = plus(mine.displacement, -1.0, theirs.displacement)
+    return tuple(
+        then + jnp.where((axis < 0) | (axis == along), since, 0.0)
+        for along, (then, since) in enumerate(zip(separation, moved, strict=True))
+    )
+
+
+def _meeting(mine: Body, theirs: Body, separation: Vector, axis: Array) -> Meeting:
+    """How two bodies meet that may touch.
+
+    A wall mirrors the particle: the arm is R - d/2, and the normal does not turn.
+
+    Args:
+      mine, theirs: the bodies.
+      separation: from the second to the first when the list was built.
+      axis: of a wall's normal, 0 to 2; -1 where both are particles.
+    """
+    between = apart(mine, theirs, separation, axis)
+    square = dot(between, between)
+    distance = jnp.sqrt(jnp.where(square > 0.0, square, 1.0))
+    normal = times(1.0 / distance, between)
+    their_radius = jnp.where(axis < 0, theirs.radius, 0.0)
+    turns = jnp.where(axis < 0, 1.0 / distance, 0.0)
+    overlap = mine.radius + their_radius - distance
+    arm, their_arm = mine.radius - 0.5 * overlap, their_radius - 0.5 * overlap
+    velocity = plus(mine.velocity, -1.0, theirs.velocity)
     closing = -dot(velocity, normal)
     along = plus(velocity, closing, normal)
-    my_spin, their_spin = listed.of_both(spin)
-    of_surfaces = plus(times(arm, my_spin), their_arm, their_spin)
-    relative = plus(my_spin, -1.0, their_spin)
+    of_surfaces = plus(times(arm, mine.spin), their_arm, theirs.spin)
+    relative = plus(mine.spin, -1.0, theirs.spin)
     return Meeting(
         overlap,
         arm,
@@ -142,7 +203,7 @@ def _meeting(
         normal,
         closing,
         times(turns, along),
-        0.5 * dot(plus(my_spin, 1.0, their_spin), normal),
+        0.5 * dot(plus(mine.spin, 1.0, theirs.spin), normal),
         plus(along, -1.0, cross(of_surfaces, normal)),
         plus(relative, -dot(relative, normal), normal),
     )

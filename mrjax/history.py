@@ -38,9 +38,9 @@ class Contacts:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Memory:
-    """What the contacts of one array remember, each as the first of its two surfaces sees it."""
+    """What contacts remember, each as the first of its two surfaces sees it."""
 
-    sliding: Vector | None  # of the shape of the array; None where no law reads it
+    sliding: Vector | None  # (3, P), or three scalars of one contact; None where no law reads it
     rolling: Vector | None
 
 
@@ -61,8 +61,8 @@ class Notes:
         def found(vector: Vector | None) -> Vector | None:
             if vector is None:
                 return None
-            return tuple(
-                jnp.sum(jnp.where(same, component[:, holder], 0.0), axis=0) for component in vector
+            return jnp.stack(
+                [jnp.sum(jnp.where(same, part[:, holder], 0.0), axis=0) for part in vector]
             )
 
         return Memory(found(self.sliding), found(self.rolling))
@@ -78,7 +78,7 @@ def noted(memory: Memory, listed: Pairs) -> Notes:
     """What both surfaces of every contact remember, in a slot of their own."""
 
     def both(vector: Vector | None) -> Vector | None:
-        return vector and tuple(listed.seen(part, -part) for part in vector)
+        return None if vector is None else tuple(listed.seen(part, -part) for part in vector)
 
     return Notes(
         listed.seen(*reversed(_ids(listed)), nothing=NOBODY),

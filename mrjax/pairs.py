@@ -12,7 +12,7 @@ from jax import Array, lax
 
 from mrjax.box import Box
 from mrjax.neighbours import PAIRS_DROPPED, Neighbours
-from mrjax.vectors import Vector, plus
+from mrjax.vectors import Vector
 
 WALLS = 6
 """They have the ids from N on: those at the lower and upper end of x, then y, then z."""
@@ -33,41 +33,22 @@ class Pairs:
     """Whether the second is a wall, (P,); None in a box without."""
     separation: Vector
     """From the second to the first when the list was built, (P,) each."""
-    across: Vector | None
-    """1 where a displacement of the first changes the separation; 0 along a wall; (P,) each."""
     places: Array
     """Where each particle finds its pairs, (S, N): p as the first of pair p, P + p as the second,
     2 P in an empty slot."""
     overflow: Array
     """0 when every pair is listed, ()."""
 
-    def separated(self, displacement: Array) -> Vector:
-        """The separations after displacements (3, N)."""
-        moved = self.difference(displacement)
-        if self.across is not None:
-            moved = tuple(mask * part for mask, part in zip(self.across, moved, strict=True))
-        return plus(self.separation, 1.0, moved)
-
-    def of_both(self, components: Array) -> tuple[Vector, Vector]:
-        """What belongs to the first and to the second, (3, N) to (P,) each; walls have none."""
-        return tuple(part[self.first] for part in components), tuple(
-            part.at[self.second].get(mode="fill", fill_value=0.0) for part in components
-        )
-
-    def difference(self, components: Array) -> Vector:
-        """What belongs to the first, less that of the second; (3, N) to (P,) each."""
-        return tuple(mine - theirs for mine, theirs in zip(*self.of_both(components), strict=True))
+    @property
+    def axis(self) -> Array:
+        """Of a wall's normal, 0 to 2; -1 where the second is a particle; (P,)."""
+        particles = self.places.shape[1]
+        return jnp.where(self.second < particles, -1, (self.second - particles) // 2)
 
     def summed(self, of_first: Array, of_second: Array) -> Array:
         """The sum over the pairs of each particle of what belongs to its side, (P,) to (N,)."""
         total = jnp.zeros(self.places.shape[1], of_first.dtype).at[self.first].add(of_first)
         return total.at[self.second].add(of_second, mode="drop")
-
-    def opposed(self, of_first: Array) -> Array:
-        """The same where the second has the opposite, as with forces; (P,) to (N,)."""
-        # Without forming the opposite: a compiler would compute all that leads to it once more.
-        total = jnp.zeros(self.places.shape[1], of_first.dtype).at[self.first].add(of_first)
-        return total.at[self.second].subtract(of_first, mode="drop")
 
     def deepest(self, of_pairs: Array) -> Array:
         """The greatest over the pairs of each particle, (P,) to (N,); at least 0."""
@@ -123,10 +104,6 @@ def listed(
     second = partner[slot, first]
     wall = second >= particles
     separation = tuple(jnp.concatenate(part)[slot, first] for part in zip(*separation, strict=True))
-    axis = (second - particles) // 2
-    across = tuple(
-        jnp.where(wall & (axis != other), 0.0, 1.0).astype(position.dtype) for other in range(3)
-    )
     too_many = jnp.where(jnp.sum(near) > room, PAIRS_DROPPED, 0).astype(jnp.int32)
     return Pairs(
         first,
@@ -134,7 +111,6 @@ def listed(
         present,
         wall if walls else None,
         separation,
-        across if walls else None,
         _places(first, second, present, particles, neighbours.partner.shape[0] + len(walls)),
         neighbours.overflow | too_many,
     )

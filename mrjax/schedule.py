@@ -1,4 +1,4 @@
-"""How a run is cut into frames, rebuilds of the neighbour list, and steps.
+"""How a run is cut into frames, intervals of the neighbour list, and steps.
 
 Concrete numbers only: they fix the shapes and lengths of the compiled loops.
 """
@@ -18,26 +18,26 @@ from mrjax.timestep import Mode
 
 MOST_STEPS = 2**31 - 1
 MOST_STEPS_BETWEEN_REBUILDS = 128
-"""Reverse mode stores one state for each of them, and one for each rebuild."""
+"""Reverse mode stores one state for each of them, and one for each interval."""
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """frames x rebuilds x steps, all of one length."""
+    """frames x intervals x steps, all of one length."""
 
     frames: int
-    rebuilds: int  # in each frame
-    steps: int  # between rebuilds
+    intervals: int  # in each frame, after which the list is rebuilt if need be
+    steps: int  # in each interval
 
     @property
     def total(self) -> int:
         """Number of steps of the run."""
-        return self.frames * self.rebuilds * self.steps
+        return self.frames * self.intervals * self.steps
 
     def rebuilt_more_often(self) -> "Schedule":
         """The same steps, or a few more, with a quarter as many between rebuilds."""
         steps = max(1, self.steps // 4)
-        return replace(self, rebuilds=math.ceil(self.rebuilds * self.steps / steps), steps=steps)
+        return replace(self, intervals=math.ceil(self.intervals * self.steps / steps), steps=steps)
 
 
 def cut(duration: float, time_step: float, frames: int, rebuild_every: int) -> Schedule:

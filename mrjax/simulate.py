@@ -1,4 +1,4 @@
-"""The run: one compiled scan over frames, rebuilds of the neighbour list, and steps.
+"""The run: one compiled scan over frames, looks at the neighbour list, and steps.
 
 Lab units end at the door: the scan works with the contact radius as unit of length and the step as
 unit of time. What a fault spoils is NaN in a traced call and an error in a plain one.
@@ -31,9 +31,10 @@ from mrjax.concrete import concrete, known
 from mrjax.errors import InputError
 from mrjax.forces import Laws
 from mrjax.hindrance import BED, Hindrance, hindered
-from mrjax.history import Notes
+from mrjax.history import Memory, Notes
 from mrjax.leapfrog import Kick
 from mrjax.neighbours import Plan
+from mrjax.pairs import Pairs
 from mrjax.parameters import Parameters, per_particle
 from mrjax.run import Fault, Run
 from mrjax.schedule import Schedule
@@ -43,6 +44,11 @@ from mrjax.units import Units
 
 DEEPEST = 0.25
 """Overlap, as a fraction of the radius, beyond which Hertz's law is not a description."""
+ROOM = 2e8
+"""Bytes that reverse mode may keep before it computes frames a second time."""
+HURRY = 2.0
+"""By how much a particle may be faster in the next interval than the fastest is now. One that
+becomes faster still outruns the list, which a run does not pass over."""
 
 
 def simulate(
@@ -75,8 +81,8 @@ def simulate(
         `mrjax.time_step(parameters)` (Eq. 29), or less where contacts are strongly damped, and
         without its t_c where nothing can touch before the end. Never differentiated through.
       skin: reach of the neighbour list beyond contact, as a fraction of the contact diameter.
-      rebuild_every: most steps between rebuilds of the list; left out, chosen so that nothing
-        falls through the skin in between.
+      rebuild_every: steps after which the list is looked at, and rebuilt if need be; left out,
+        chosen so that nothing falls through the skin in between.
       capacity, cell_capacity: room in the neighbour list and its search cells; left out, for a
         random close packing.
       hindrance: f_w for volume fractions, such as `recipe.hindrance`: each particle then feels that
@@ -222,18 +228,12 @@ def attempt(
         rolling=laws.rolling,
         unit_length=units.length,
     )
-    motion = Motion(
+    reduced = parameters.reduced(units).astype(dtype)
+    end, notes, heights, descent, speed, overlap, coating, fault = _scan(
         state.position.T / units.length,
         state.velocity.T / units.velocity,
         state.spin.T * units.time,
         notes,
-        jnp.zeros(state.particles, dtype),
-        stability.unknown(state.particles, dtype),
-        jnp.zeros((), jnp.int32),
-    )
-    reduced = parameters.reduced(units).astype(dtype)
-    end, heights, descent, speed, overlap, coating, fault = _scan(
-        motion,
         reduced,
         state.material,
         hindrance,
@@ -249,7 +249,7 @@ def attempt(
         position=sound * units.length * end.position.T,
         velocity=sound * units.velocity * end.velocity.T,
         spin=sound / units.time * end.spin.T,
-        contacts=history.recorded(end.notes, sound, units.length),
+        contacts=history.recorded(notes, sound, units.length),
     )
     return Run(
         times=jnp.asarray(np.linspace(0.0, duration, cuts.frames + 1), dtype),
@@ -268,20 +268,30 @@ def attempt(
 
 
 class Motion(NamedTuple):
-    """What one rebuild of the list hands to the next, in reduced units."""
+    """What one interval hands to the next, in reduced units."""
 
-    position: Array  # (3, N)
+    listed: Pairs
+    origin: Array  # positions when the list was built, (3, N)
+    travelled: Array  # since then, (3, N)
     velocity: Array  # (3, N)
     spin: Array  # (3, N)
-    notes: Notes
+    memory: Memory
     overlap: Array  # deepest of each particle so far, (N,)
     swing: Swing
     fault: Array  # ()
 
+    @property
+    def position(self) -> Array:
+        """(3, N)."""
+        return self.origin + self.travelled
+
 
 @partial(jax.jit, static_argnames=("box", "plan", "cuts", "laws"))
 def _scan(
-    start: Motion,
+    position: Array,
+    velocity: Array,
+    spin: Array,
+    notes: Notes,
     parameters: Parameters,
     material: Array | None,
     hindrance: Hindrance | None,
@@ -290,9 +300,9 @@ def _scan(
     plan: Plan,
     cuts: Schedule,
     laws: Laws,
-) -> tuple[Motion, Array, Array, Array, Array, Array, Array]:
+) -> tuple[Motion, Notes, Array, Array, Array, Array, Array, Array]:
     """The compiled loops, in reduced units with steps of length one."""
-    particles = start.position.shape[1]
+    particles, dtype = position.shape[1], position.dtype
     law = forces.total(parameters, particles, laws=laws, material=material)
     radius = per_particle(particle.outer_radius(parameters), particles)
     skin_left = plan.cutoff - 2.0 * jnp.max(radius)
@@ -303,29 +313,50 @@ def _scan(
             felt = hindered(parameters, hindrance, box, position, spacing=2.0)
         return leapfrog.kick(felt, 1.0), leapfrog.spin_kick(felt, 1.0)
 
-    everywhere = kicks(start.position)
+    everywhere = kicks(position)
     # A lone particle has room for every wall, and may go where it likes.
-    listed_gap = skin_left if particles > 1 else jnp.asarray(jnp.inf, radius.dtype)
+    listed_gap = skin_left if particles > 1 else jnp.asarray(jnp.inf, dtype)
+
+    def listed_at(position: Array) -> Pairs:
+        found = neighbours.build(plan, box, position.T)
+        return pairs.listed(found, box, position, radius, listed_gap, plan.pairs)
+
+    def stale(motion: Motion) -> Array:
+        """Whether a particle may leave the skin before the end of the next interval."""
+        gone, speed = (
+            jnp.sqrt(jnp.max(sum(lax.stop_gradient(of) ** 2)))
+            for of in (motion.travelled, motion.velocity)
+        )
+        return (2.0 * (gone + HURRY * cuts.steps * speed) > skin_left) & (gone > 0.0)
+
+    def listed_anew(motion: Motion) -> Motion:
+        position = motion.position
+        listed = listed_at(position)
+        return motion._replace(
+            listed=listed,
+            origin=position,
+            travelled=jnp.zeros_like(position),
+            memory=history.begun(history.noted(motion.memory, motion.listed), listed),
+            fault=motion.fault | listed.overflow,
+        )
 
     def observe(motion: Motion) -> tuple[Array, Array, Array]:
         speed = jnp.sqrt(lax.stop_gradient(sum(motion.velocity**2)))
         return motion.position[2], 0.0 - jnp.mean(motion.velocity[2]), jnp.mean(speed)
 
     @partial(jax.checkpoint, prevent_cse=False)
-    def between_rebuilds(motion: Motion, _):
-        found = neighbours.build(plan, box, motion.position.T)
-        listed = pairs.listed(found, box, motion.position, radius, listed_gap, plan.pairs)
+    def interval(motion: Motion, _):
+        if particles > 1:
+            motion = lax.cond(stale(motion), listed_anew, lambda motion: motion, motion)
+        listed, origin = motion.listed, motion.origin
         loads = law(listed)
 
-        @partial(jax.checkpoint, prevent_cse=False)
         def step(carry, _):
             travelled, velocity, spin, memory, deepest, farthest = carry
 
             def acting(half_way: Array, velocity: Array):
                 found = loads(half_way, velocity, spin, memory)
-                straight, turning = (
-                    everywhere if hindrance is None else kicks(motion.position + half_way)
-                )
+                straight, turning = everywhere if hindrance is None else kicks(origin + half_way)
                 return found.force, straight, (found, turning)
 
             travelled, velocity, (found, turning) = leapfrog.step(travelled, velocity, acting, 1.0)
@@ -334,37 +365,52 @@ def _scan(
             deepest = jnp.fmax(deepest, lax.stop_gradient(found.overlap))
             return (travelled, velocity, spin, found.memory, deepest, farthest), None
 
-        still = jnp.zeros(particles, motion.position.dtype)
-        memory = history.begun(motion.notes, listed)
         begin = (
-            jnp.zeros_like(motion.position),
+            motion.travelled,
             motion.velocity,
             motion.spin,
-            memory,
-            jnp.zeros_like(motion.position, shape=plan.pairs),
-            still,
+            motion.memory,
+            jnp.zeros_like(position, shape=plan.pairs),
+            jnp.zeros(particles, dtype),
         )
         (travelled, velocity, spin, memory, deepest, farthest), _ = lax.scan(
             step, begin, length=cuts.steps
         )
         outran = (2.0 * jnp.sqrt(jnp.max(farthest)) > skin_left) & (particles > 1)
-        fault = motion.fault | listed.overflow | jnp.where(outran, int(Fault.OUTRAN_LIST), 0)
-        position = motion.position + travelled
+        fault = motion.fault | jnp.where(outran, int(Fault.OUTRAN_LIST), 0)
         constants = surfaces.of(parameters, material, listed)
-        bed = (motion.swing, listed, constants, deepest, radius, *kicks(position))
+        bed = (motion.swing, listed, constants, deepest, radius, *kicks(origin + travelled))
         swing = stability.swing(*lax.stop_gradient(bed), sliding=laws.sliding)
         fault |= jnp.where(swing.rate > stability.MOST, int(Fault.UNSTABLE), 0)
         deepest = jnp.maximum(motion.overlap, listed.deepest(deepest))
-        notes = history.noted(memory, listed)
-        return Motion(position, velocity, spin, notes, deepest, swing, fault), None
+        return Motion(
+            listed, origin, travelled, velocity, spin, memory, deepest, swing, fault
+        ), None
 
-    @partial(jax.checkpoint, prevent_cse=False)
     def frame(motion: Motion, _):
-        motion, _ = lax.scan(between_rebuilds, motion, length=cuts.rebuilds)
+        motion, _ = lax.scan(interval, motion, length=cuts.intervals)
         return motion, observe(motion)
 
+    listed = listed_at(position)
+    start = Motion(
+        listed,
+        position,
+        jnp.zeros_like(position),
+        velocity,
+        spin,
+        history.begun(notes, listed),
+        jnp.zeros(particles, dtype),
+        stability.unknown(particles, dtype),
+        listed.overflow,
+    )
+    # Reverse mode keeps every interval's beginning where there is room, else every frame's.
+    kept = cuts.frames * cuts.intervals * sum(leaf.nbytes for leaf in jax.tree.leaves(start))
     at_start = observe(start)
-    end, after = lax.scan(frame, start, length=cuts.frames)
+    end, after = lax.scan(
+        frame if kept < ROOM else jax.checkpoint(frame, prevent_cse=False),
+        start,
+        length=cuts.frames,
+    )
     heights, descent, speed = (
         jnp.concatenate([first[None], later]) for first, later in zip(at_start, after, strict=True)
     )
@@ -373,7 +419,8 @@ def _scan(
     coated = thickness > 0.0
     coating = jnp.max(jnp.where(coated, end.overlap / jnp.where(coated, thickness, 1.0), 0.0))
     fault = end.fault | _faults_of_motion(box, end, overlap, coating)
-    return end, heights, descent, speed, overlap, coating, fault
+    notes = history.noted(end.memory, end.listed)
+    return end, notes, heights, descent, speed, overlap, coating, fault
 
 
 def _faults_of_motion(box: Box, end: Motion, deepest: Array, coating: Array) -> Array:

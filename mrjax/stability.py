@@ -10,6 +10,7 @@ from jax import Array, lax
 from mrjax import contact, friction
 from mrjax.leapfrog import Kick
 from mrjax.pairs import Pairs
+from mrjax.pairwise import pairwise
 from mrjax.surfaces import Surfaces
 from mrjax.vectors import cross, dot, plus, times
 
@@ -66,18 +67,26 @@ def swing(
     yielding = jnp.sqrt(_compliance(kick) * jnp.ones_like(radius))
     turning = jnp.sqrt(_compliance(spin_kick) * jnp.ones_like(radius)) * radius
 
+    def stiff(first: list, second: list, pair: list, _) -> bool:
+        return pair[3] > 0.0
+
+    def law(first: list, second: list, pair: list, _):
+        direction, normal, tangential = pair[:3], pair[3], pair[4]
+        apart = plus(first[0], -1.0, second[0])
+        # Turns are in units of length, about arms that point against the direction.
+        slip = plus(apart, -1.0, cross(plus(first[1], 1.0, second[1]), direction))
+        force = plus(
+            times(tangential, slip), (normal - tangential) * dot(slip, direction), direction
+        )
+        lever = times(-1.0, cross(direction, force))
+        return [force, lever], [times(-1.0, force), lever], []
+
     def applied(mode: Array) -> Array:
         moved, turned = mode[:3] * yielding[None, :], mode[3:] * turning[None, :]
-        apart = listed.difference(moved)
-        # Turns are in units of length, about arms that point against the direction.
-        mine, theirs = listed.of_both(turned)
-        slip = plus(apart, -1.0, cross(plus(mine, 1.0, theirs), direction))
-        along = dot(slip, direction)
-        force = plus(times(tangential, slip), (normal - tangential) * along, direction)
-        lever = cross(direction, force)
-        pushed = jnp.stack([listed.opposed(part) for part in force]) * yielding[None, :]
-        spun = jnp.stack([listed.summed(part, part) for part in lever]) * turning[None, :]
-        return jnp.concatenate([pushed, -spun])
+        (pushed, spun), _ = pairwise(
+            law, stiff, listed, [moved, turned], [*direction, normal, tangential], []
+        )
+        return jnp.concatenate([pushed * yielding[None, :], spun * turning[None, :]])
 
     def iterated(_, found: Swing) -> Swing:
         mode = applied(found.mode)

@@ -166,7 +166,6 @@ def listed(contacts, slots=6):
         jnp.isin(jnp.arange(room), place),
         jnp.asarray(second >= COUNT),
         (jnp.zeros(room),) * 3,
-        (jnp.ones(room),) * 3,
         jnp.asarray(places, jnp.int32),
         jnp.zeros((), jnp.int32),
     )

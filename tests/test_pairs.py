@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 import mrjax
-from mrjax import Box, neighbours, pairs
+from mrjax import Box, forces, neighbours, pairs
 from mrjax.neighbours import CELLS_OVERFULL, PAIRS_DROPPED, Plan
 from mrjax.pairs import Pairs
 
@@ -90,13 +90,12 @@ def check(box: Box, position, radius, listed: Pairs) -> set[tuple[int, int]]:
         vector, _ = every[first, second]
         np.testing.assert_allclose(separation[place], vector, rtol=0, atol=rounding)
     if not box.walled_axes:
-        assert listed.wall is None and listed.across is None
+        assert listed.wall is None and (listed.axis == -1)[listed.present].all()
     else:
         walls = np.asarray(listed.second) >= particles
         np.testing.assert_array_equal(listed.wall, walls)
         along = (np.asarray(listed.second) - particles) // 2
-        for axis in range(3):
-            np.testing.assert_array_equal(listed.across[axis], ~walls | (along == axis))
+        np.testing.assert_array_equal(listed.axis, np.where(walls, along, -1))
     return set(held)
 
 
@@ -133,8 +132,7 @@ def test_single_precision(periodic):
             listed = listing(ROOMY, box, position, radius)
         check(box, position, radius, listed)
         assert {of.dtype for of in listed.separation} == {np.dtype(np.float32)}
-        assert {of.dtype for of in listed.across or ()} <= {np.dtype(np.float32)}
-        whole = (listed.first, listed.second, listed.places, listed.overflow)
+        whole = (listed.first, listed.second, listed.axis, listed.places, listed.overflow)
         assert {of.dtype for of in whole} == {np.dtype(np.int32)}
 
 
@@ -242,10 +240,9 @@ def check_empty(listed: Pairs, particles: int) -> None:
     assert not listed.present.any() and int(listed.overflow) == 0
     zero = jnp.zeros(len(listed.present))
     np.testing.assert_array_equal(listed.summed(zero, zero), np.zeros(particles))
-    np.testing.assert_array_equal(listed.opposed(zero), np.zeros(particles))
     np.testing.assert_array_equal(listed.deepest(zero - 1.0), np.zeros(particles))
     assert (listed.seen(zero + 1.0, zero + 1.0, nothing=-7.0) == -7.0).all()
-    for part in listed.separated(jnp.zeros((3, particles))):
+    for part in listed.separation:
         assert part.shape == zero.shape and jnp.isfinite(part).all()
 
 
@@ -323,16 +320,13 @@ ROUNDING = 1e-14  # of sums of some ten terms of order one
 
 def test_summed(crowd, values):
     mine, theirs = values
-    together, opposed = np.zeros(COUNT), np.zeros(COUNT)
+    together = np.zeros(COUNT)
     for place, first, second in shown(crowd):
         together[first] += mine[place]
-        opposed[first] += mine[place]
         if second < COUNT:
             together[second] += theirs[place]
-            opposed[second] -= mine[place]
     found = crowd.summed(jnp.asarray(mine), jnp.asarray(theirs))
     np.testing.assert_allclose(found, together, rtol=0, atol=ROUNDING)
-    np.testing.assert_allclose(crowd.opposed(jnp.asarray(mine)), opposed, rtol=0, atol=ROUNDING)
 
 
 def test_deepest(crowd):
@@ -367,21 +361,18 @@ def test_seen(crowd):
         assert sorted(found) == sorted(expected[one])
 
 
-def test_of_both_and_their_difference(crowd):
-    moving = np.random.default_rng(13).normal(size=(3, COUNT))
-    mine, theirs = crowd.of_both(jnp.asarray(moving))
-    difference = crowd.difference(jnp.asarray(moving))
-    for axis, (place, first, second) in itertools.product(range(3), shown(crowd)):
-        partner = moving[axis, second] if second < COUNT else 0.0
-        assert mine[axis][place] == moving[axis, first]
-        assert theirs[axis][place] == partner
-        assert difference[axis][place] == moving[axis, first] - partner
+def separated(listed, displacement):
+    """The separations after displacements (3, N), as the forces see them."""
+    mine = tuple(part[listed.first] for part in displacement)
+    theirs = tuple(part.at[listed.second].get(mode="fill", fill_value=0.0) for part in displacement)
+    moved = (forces.Body(way, None, None, None) for way in (mine, theirs))
+    return forces.apart(*moved, listed.separation, listed.axis)
 
 
 def test_separated(crowd):
     """Walls stay, and what moves along one comes no nearer."""
     moved = np.random.default_rng(14).normal(size=(3, COUNT))
-    found = crowd.separated(jnp.asarray(moved))
+    found = separated(crowd, jnp.asarray(moved))
     for axis, (place, first, second) in itertools.product(range(3), shown(crowd)):
         partner = moved[axis, second] if second < COUNT else 0.0
         counts = second < COUNT or (second - COUNT) // 2 == axis
@@ -393,7 +384,7 @@ def test_separated(crowd):
 def test_separations_after_a_way_are_those_of_a_new_list(crowd):
     radius, old = sizes(seed=9), scattered(TRAY, seed=9)
     new = old + np.random.default_rng(15).uniform(-0.15, 0.15, (COUNT, 3))
-    moved = np.stack(crowd.separated(jnp.asarray((new - old).T)), axis=1)
+    moved = np.stack(separated(crowd, jnp.asarray((new - old).T)), axis=1)
     again = listing(ROOMY, TRAY, new, radius)
     separation = np.stack(again.separation, axis=1)
     expected = {(first, second): separation[place] for place, first, second in shown(again)}
@@ -419,14 +410,14 @@ def test_derivatives_of_what_is_summed(periodic):
     def weighed(position, travelled):
         listed = of_suspension(ROOMY, box, position, radius)
         total = 0.0
-        for axis, part in enumerate(listed.separated(travelled.T)):
+        for axis, part in enumerate(separated(listed, travelled.T)):
             square = jnp.where(listed.present, part**2, 0.0)
             total += both_weights[0, axis] @ listed.summed(square, 3.0 * square)
-            total += both_weights[1, axis] @ listed.opposed(square)
+            total += both_weights[1, axis] @ listed.summed(square, -square)
         return total
 
     listed = listing(ROOMY, box, position, radius)
-    apart = np.stack(listed.separated(jnp.asarray(travelled.T)), axis=1)
+    apart = np.stack(separated(listed, jnp.asarray(travelled.T)), axis=1)
     expected = np.zeros((COUNT, 3))
     for place, first, second in shown(listed):
         weight = both_weights[0, :, first] + both_weights[1, :, first]

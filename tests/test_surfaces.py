@@ -51,7 +51,6 @@ def listed(first, second, particles=None):
         present=jnp.ones(len(first), bool),
         wall=None if particles is None else second >= particles,
         separation=nothing,
-        across=None if particles is None else nothing,
         places=jnp.zeros((0, particles or int(second.max()) + 1), jnp.int32),
         overflow=jnp.zeros((), jnp.int32),
     )

@@ -1,0 +1,299 @@
+"""A loop over pairs as a value: a scalar law, and where its arguments come from and results go.
+
+A derivative of such a loop, forwards or backwards, is such a loop again: what is read from a
+particle forwards is added to it backwards, and what is read by all pairs is summed over them.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+from functools import cached_property
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.extend.core import ClosedJaxpr, Literal, jaxpr_as_fun
+
+
+class Kind(Enum):
+    """To whom an array belongs, and so what a pair reads of it and adds to it."""
+
+    PARTICLE = "particle"  # (..., N): that of the first and, unless it is a wall, of the second
+    PAIR = "pair"  # (..., P): its own
+    ALL = "all"  # (...): the same for every pair; of results the sum over the pairs
+
+
+@dataclass(frozen=True)
+class Leaf:
+    """An array that a loop reads or writes."""
+
+    kind: Kind
+    rows: int | None  # C of an array (C, N), (C, P) or (C,); None of (N,), (P,) or ()
+    dtype: str
+
+    @property
+    def width(self) -> int:
+        """Numbers for one particle or pair."""
+        return 1 if self.rows is None else self.rows
+
+    def shape(self, particles: int, pairs: int) -> tuple[int, ...]:
+        """Of the array, for N particles and room for P pairs."""
+        rows = () if self.rows is None else (self.rows,)
+        return rows + {Kind.PARTICLE: (particles,), Kind.PAIR: (pairs,), Kind.ALL: ()}[self.kind]
+
+
+Place = tuple[int, int, bool]
+"""Of a scalar: index of the leaf, row, and whether it belongs to the second of the pair."""
+
+
+def places(leaves: tuple[Leaf, ...]) -> list[Place]:
+    """Of the scalars of one pair, in order: every leaf's rows, of the first and then the second."""
+    return [
+        (index, row, of_second)
+        for index, leaf in enumerate(leaves)
+        for of_second in ((False, True) if leaf.kind is Kind.PARTICLE else (False,))
+        for row in range(leaf.width)
+    ]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Loop:
+    """What is done for every pair whose surfaces touch; others add nothing, and have zeros.
+
+    All outputs are of one dtype.
+    """
+
+    law: ClosedJaxpr  # the scalars of `inputs` to those of `outputs`
+    touching: ClosedJaxpr  # as many of the first scalars of `inputs` as it has, to a truth
+    inputs: tuple[Leaf, ...]
+    outputs: tuple[Leaf, ...]
+    linear: int = 0  # of so many inputs, the last, the outputs are a linear function
+    in_place: tuple[tuple[int, int], ...] = ()  # inputs whose memory outputs may take, of pairs
+
+    @staticmethod
+    def traced(
+        law: Callable,
+        touching: Callable,
+        inputs: tuple[Leaf, ...],
+        results: list[tuple[Kind, int | None]],
+        replaced: tuple[int, ...] = (),
+    ) -> "Loop":
+        """From functions of scalars to lists of them.
+
+        Args:
+          law, touching: the functions.
+          inputs: where their arguments come from.
+          results: kind and rows of the outputs, known when `law` has been traced.
+          replaced: inputs whose memory the first outputs for pairs may take.
+        """
+        scalars = [jax.ShapeDtypeStruct((), inputs[n].dtype) for n, _, _ in places(inputs)]
+        traced = jax.make_jaxpr(law)(*scalars)
+        dtype = traced.out_avals[0].dtype.name
+        outputs = tuple(Leaf(kind, rows, dtype) for kind, rows in results)
+        looked = jax.make_jaxpr(touching)(*scalars)
+        sums = sum(kind is Kind.PARTICLE for kind, _ in results)
+        in_place = tuple((given, sums + taken) for taken, given in enumerate(replaced))
+        return Loop(traced, looked, inputs, outputs, in_place=in_place)
+
+    @property
+    def changes(self) -> tuple[Leaf, ...]:
+        """The inputs that the outputs are linear in."""
+        return self.inputs[len(self.inputs) - self.linear :]
+
+    def lanes(self, size: int) -> int:
+        """Pairs that fit into a vector of so many bytes."""
+        return size // max(np.dtype(leaf.dtype).itemsize for leaf in self.outputs)
+
+    def particles(self, shapes: list[tuple[int, ...]]) -> int:
+        """N, from the shapes of the inputs."""
+        return next(
+            shape[-1]
+            for shape, leaf in zip(shapes, self.inputs, strict=True)
+            if leaf.kind is Kind.PARTICLE
+        )
+
+    @cached_property
+    def _content(self) -> tuple:
+        programs = (self.law, self.touching)
+        return (
+            *(str(of.jaxpr) for of in programs),
+            *(str(of.consts) for of in programs),
+            self.inputs,
+            self.outputs,
+            self.linear,
+            self.in_place,
+        )
+
+    def __eq__(self, other: object) -> bool:
+        """Whether it does the same, so that what is compiled for one serves the other."""
+        return isinstance(other, Loop) and self._content == other._content
+
+    def __hash__(self) -> int:
+        """Of what it does."""
+        return hash(self._content)
+
+    @cached_property
+    def scalars(self) -> list[jax.ShapeDtypeStruct]:
+        """Types of the law's arguments."""
+        return [jax.ShapeDtypeStruct((), self.inputs[n].dtype) for n, _, _ in places(self.inputs)]
+
+    def tangent(self, live: tuple[int, ...]) -> tuple["Loop", tuple[int, ...]]:
+        """Forwards: the inputs, and changes of those `live`, to the changes of the outputs.
+
+        Returns:
+          The loop, linear in the changes, and the indices of the outputs that change at all.
+        """
+        law = jaxpr_as_fun(self.law)
+        varied = [i for i, (n, _, _) in enumerate(places(self.inputs)) if n in live]
+        count = len(self.scalars)
+
+        def changes(*scalars):
+            at, by = list(scalars[:count]), scalars[count:]
+
+            def of_varied(*values):
+                full = list(at)
+                for index, value in zip(varied, values, strict=True):
+                    full[index] = value
+                return law(*full)
+
+            return jax.jvp(of_varied, [at[i] for i in varied], list(by))[1]
+
+        traced = _traced(changes, self.scalars + [self.scalars[i] for i in varied])
+        moved = _dependent(traced, count)
+        outputs = places(self.outputs)
+        some = sorted({n for (n, _, _), of in zip(outputs, moved, strict=True) if of})
+        kept = [i for i, (n, _, _) in enumerate(outputs) if n in some]
+
+        def those_that_change(*scalars):
+            values = jaxpr_as_fun(traced)(*scalars)
+            return [values[i] for i in kept]
+
+        loop = Loop(
+            _traced(those_that_change, traced.in_avals),
+            self.touching,
+            self.inputs + tuple(self.inputs[n] for n in live),
+            tuple(self.outputs[n] for n in some),
+            len(live),
+            tuple(
+                (len(self.inputs) + live.index(i), some.index(n))
+                for i, n in self.in_place
+                if i in live and n in some
+            ),
+        )
+        return loop, tuple(some)
+
+    def transposed(self, live: tuple[int, ...]) -> "Loop":
+        """Backwards: cotangents of the outputs `live` to those of the linear inputs."""
+        law = jaxpr_as_fun(self.law)
+        fixed, linear = self.inputs[: -self.linear], self.changes
+        count = len(places(fixed))
+        seen = [i for i, (n, _, _) in enumerate(places(self.outputs)) if n in live]
+        given = tuple(self.outputs[n] for n in live)
+
+        def backwards(*scalars):
+            def forwards(*changes):
+                values = law(*scalars[:count], *changes)
+                return [values[i] for i in seen]
+
+            return jax.linear_transpose(forwards, *self.scalars[count:])(list(scalars[count:]))
+
+        kinds = self.scalars[:count] + [
+            jax.ShapeDtypeStruct((), given[n].dtype) for n, _, _ in places(given)
+        ]
+        back = tuple(
+            (len(fixed) + live.index(n), i - len(fixed)) for i, n in self.in_place if n in live
+        )
+        traced = _traced(backwards, kinds)
+        return Loop(traced, self.touching, fixed + given, linear, len(given), back)
+
+    def repeated(self, times: int, several: tuple[bool, ...]) -> "Loop":
+        """For so many sets of linear inputs at once: their rows, and the outputs', set after set.
+
+        Args:
+          times: T, of an input (C, N) to (T C, N).
+          several: for each linear input whether there are many, or one that serves all.
+        """
+        law = jaxpr_as_fun(self.law)
+        fixed, linear = self.inputs[: -self.linear], self.changes
+        count = len(places(fixed))
+
+        def many(leaf: Leaf) -> Leaf:
+            return Leaf(leaf.kind, times * leaf.width, leaf.dtype)
+
+        wide = tuple(many(leaf) if of else leaf for leaf, of in zip(linear, several, strict=True))
+        outputs = tuple(many(leaf) for leaf in self.outputs)
+        where_in = {place: i for i, place in enumerate(places(wide))}
+        where_out = {place: i for i, place in enumerate(places(self.outputs))}
+
+        def each(*scalars):
+            results = []
+            for t in range(times):
+                changes = [
+                    scalars[count + where_in[n, row + several[n] * t * linear[n].width, second]]
+                    for n, row, second in places(linear)
+                ]
+                results.append(law(*scalars[:count], *changes))
+            return [
+                results[row // self.outputs[n].width][
+                    where_out[n, row % self.outputs[n].width, second]
+                ]
+                for n, row, second in places(outputs)
+            ]
+
+        kinds = self.scalars[:count] + [
+            jax.ShapeDtypeStruct((), wide[n].dtype) for n, _, _ in places(wide)
+        ]
+        traced = _traced(each, kinds)
+        same = tuple((i, n) for i, n in self.in_place if several[i - len(fixed)])
+        return Loop(traced, self.touching, fixed + wide, outputs, self.linear, same)
+
+    def in_arrays(self, first, second, count, *leaves):
+        """The same by gathers and scatters of whole arrays: for other processors, and for tests."""
+        particles = self.particles([leaf.shape for leaf in leaves])
+        wall, listed = second >= particles, jnp.arange(len(first), dtype=count.dtype) < count
+
+        def gathered(place: Place):
+            n, row, of_second = place
+            array = leaves[n] if self.inputs[n].rows is None else leaves[n][row]
+            if self.inputs[n].kind is Kind.ALL:
+                return jnp.broadcast_to(array, first.shape)
+            if self.inputs[n].kind is Kind.PAIR:
+                return array
+            return jnp.where(wall, 0, array[second]) if of_second else array[first]
+
+        scalars = [gathered(place) for place in places(self.inputs)]
+        guards = scalars[: len(self.touching.jaxpr.invars)]
+        (touching,) = jax.vmap(jaxpr_as_fun(self.touching))(*guards)
+        values = jax.vmap(jaxpr_as_fun(self.law))(*scalars)
+        shapes = [leaf.shape(particles, len(first)) for leaf in self.outputs]
+        results = [
+            jnp.zeros(shape if leaf.rows is not None else (1, *shape), leaf.dtype)
+            for shape, leaf in zip(shapes, self.outputs, strict=True)
+        ]
+        for (n, row, of_second), value in zip(places(self.outputs), values, strict=True):
+            value = jnp.where(touching & listed, value, 0)
+            kind = self.outputs[n].kind
+            if kind is Kind.ALL:
+                results[n] = results[n].at[row].set(jnp.sum(value))
+            elif kind is Kind.PAIR:
+                results[n] = results[n].at[row].set(value)
+            else:
+                at = jnp.where(wall, particles, second) if of_second else first
+                results[n] = results[n].at[row, at].add(value, mode="drop")
+        return [
+            result[0] if leaf.rows is None else result
+            for result, leaf in zip(results, self.outputs, strict=True)
+        ]
+
+
+def _traced(function, scalars: list[jax.ShapeDtypeStruct]) -> ClosedJaxpr:
+    return jax.make_jaxpr(function)(*scalars)
+
+
+def _dependent(closed: ClosedJaxpr, count: int) -> list[bool]:
+    """Which results depend on arguments after the first `count`, or might, through a call."""
+    moved = set(closed.jaxpr.invars[count:])
+    for equation in closed.jaxpr.eqns:
+        if any(not isinstance(v, Literal) and v in moved for v in equation.invars):
+            moved.update(equation.outvars)
+    return [not isinstance(v, Literal) and v in moved for v in closed.jaxpr.outvars]

@@ -1,0 +1,216 @@
+"""A law evaluated for every pair that touches, and its results added to both particles.
+
+One operation, which JAX transforms like any of its own: on a CPU a compiled loop
+(`mrjax.machine_code`), elsewhere gathers and scatters (`Loop.in_arrays`).
+"""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+from jax import Array, lax
+from jax.core import ShapedArray
+from jax.extend.core import Primitive
+from jax.interpreters import ad, batching, mlir
+from jax.typing import ArrayLike
+
+from mrjax import machine_code
+from mrjax.loop import Kind, Leaf, Loop
+from mrjax.pairs import Pairs
+
+AT_ONCE = 4
+"""Directions of a derivative that one loop takes together."""
+
+Given = Sequence[ArrayLike]
+
+
+def pairwise(
+    law: Callable,
+    touching: Callable,
+    listed: Pairs,
+    of_particles: Given,
+    of_pairs: Given,
+    of_all: Given,
+    replaced: Sequence[int] = (),
+) -> tuple[list[Array], list[Array]]:
+    """Sums a law over the pairs that touch.
+
+    Args:
+      law: of what the first, the second, the pair and all have: lists of scalars, and of vectors
+        for arrays with rows. Returns what it adds to the first, what it adds to the second and
+        what it keeps for the pair, lists of scalars and vectors again.
+      touching: whether a pair is evaluated, of the same lists. Others add and keep nothing.
+      listed: the pairs; those present come first.
+      of_particles: arrays (N,) or (C, N), at least one, of which a wall has zeros; what comes out
+        is of the dtype of the first.
+      of_pairs: arrays (P,) or (C, P).
+      of_all: arrays () or (C,).
+      replaced: indices into `of_pairs`; what is kept first takes the place of the first of these,
+        in memory too, and so on. Of the same shape.
+
+    Returns:
+      Sums for the particles, (N,) or (C, N), and what is kept, (P,) or (C, P).
+    """
+    given = [jnp.asarray(array) for array in (*of_particles, *of_pairs, *of_all)]
+    kinds = [Kind.PARTICLE] * len(of_particles) + [Kind.PAIR] * len(of_pairs)
+    kinds += [Kind.ALL] * len(of_all)
+    inputs = tuple(
+        Leaf(
+            kind,
+            array.shape[0] if array.ndim == 1 + (kind is not Kind.ALL) else None,
+            array.dtype.name,
+        )
+        for kind, array in zip(kinds, given, strict=True)
+    )
+    results: list[tuple[Kind, int | None]] = []
+    dtype = given[0].dtype
+
+    def arranged(scalars):
+        left = iter(scalars)
+        firsts, seconds, pairs, everything = [], [], [], []
+
+        def taken(leaf: Leaf):
+            return next(left) if leaf.rows is None else tuple(next(left) for _ in range(leaf.rows))
+
+        for leaf in inputs:
+            if leaf.kind is Kind.PARTICLE:
+                firsts.append(taken(leaf))
+                seconds.append(taken(leaf))
+            else:
+                (pairs if leaf.kind is Kind.PAIR else everything).append(taken(leaf))
+        return firsts, seconds, pairs, everything
+
+    def flat(*scalars):
+        first, second, kept = law(*arranged(scalars))
+        results.clear()
+        values = []
+        for mine, theirs in zip(first, second, strict=True):
+            results.append((Kind.PARTICLE, _rows(mine)))
+            values += [*_scalars(mine, dtype), *_scalars(theirs, dtype)]
+        for value in kept:
+            results.append((Kind.PAIR, _rows(value)))
+            values += _scalars(value, dtype)
+        return values
+
+    loop = Loop.traced(
+        flat,
+        lambda *scalars: [touching(*arranged(scalars))],
+        inputs,
+        results,
+        tuple(len(of_particles) + index for index in replaced),
+    )
+    ends = (of.astype(jnp.int32) for of in (listed.first, listed.second))
+    count = jnp.sum(listed.present, dtype=jnp.int32)
+    found = pairwise_p.bind(*ends, count, *given, loop=loop)
+    sums = sum(kind is Kind.PARTICLE for kind, _ in results)
+    return found[:sums], found[sums:]
+
+
+def _rows(value) -> int | None:
+    return len(value) if isinstance(value, tuple) else None
+
+
+def _scalars(value, dtype) -> list[Array]:
+    return [
+        jnp.asarray(scalar, dtype) for scalar in (value if isinstance(value, tuple) else (value,))
+    ]
+
+
+pairwise_p = Primitive("pairwise")
+pairwise_p.multiple_results = True
+
+
+@partial(jax.jit, static_argnames="loop")
+def _alone(*operands: Array, loop: Loop) -> list[Array]:
+    return pairwise_p.bind(*operands, loop=loop)
+
+
+pairwise_p.def_impl(_alone)
+
+
+@pairwise_p.def_abstract_eval
+def _shapes(first, second, count, *leaves, loop: Loop):
+    particles = loop.particles([leaf.shape for leaf in leaves])
+    return [ShapedArray(leaf.shape(particles, first.shape[0]), leaf.dtype) for leaf in loop.outputs]
+
+
+def _jvp(primals, tangents, *, loop: Loop):
+    found = pairwise_p.bind(*primals, loop=loop)
+    live = tuple(i for i, t in enumerate(tangents[3:]) if not isinstance(t, ad.Zero))
+    zeros = [ad.Zero(ShapedArray(value.shape, value.dtype)) for value in found]
+    if not live:
+        return found, zeros
+    tangent, changed = loop.tangent(live)
+    if not changed:
+        return found, zeros
+    moved = pairwise_p.bind(*primals, *(tangents[3 + i] for i in live), loop=tangent)
+    for index, change in zip(changed, moved, strict=True):
+        zeros[index] = change
+    return found, zeros
+
+
+def _transpose(cotangents, *operands, loop: Loop):
+    if not loop.linear:
+        raise NotImplementedError("this law of pairs is not known to be linear")
+    fixed, linear = operands[: -loop.linear], operands[-loop.linear :]
+    live = tuple(i for i, of in enumerate(cotangents) if not isinstance(of, ad.Zero))
+    nothing = [None] * len(fixed)
+    if not live:
+        return nothing + [ad.Zero(operand.aval) for operand in linear]
+    back = pairwise_p.bind(*fixed, *(cotangents[i] for i in live), loop=loop.transposed(live))
+    return nothing + back
+
+
+def _batched(operands, axes, *, loop: Loop):
+    fixed = len(operands) - loop.linear
+    (size,) = {
+        operand.shape[axis]
+        for operand, axis in zip(operands, axes, strict=True)
+        if axis is not batching.not_mapped
+    }
+    several = [axis is not batching.not_mapped for axis in axes]
+    operands = [
+        jnp.moveaxis(operand, axis, 0) if of else operand
+        for operand, axis, of in zip(operands, axes, several, strict=True)
+    ]
+    if any(several[:fixed]) or size > AT_ONCE:
+        found = lax.map(
+            lambda members: pairwise_p.bind(*_filled(operands, several, members), loop=loop),
+            [operand for operand, of in zip(operands, several, strict=True) if of],
+        )
+        return found, [0] * len(found)
+    wide = [
+        operand.reshape(-1, *operand.shape[1 if leaf.rows is None else 2 :]) if of else operand
+        for operand, of, leaf in zip(operands[fixed:], several[fixed:], loop.changes, strict=True)
+    ]
+    together = loop.repeated(size, tuple(several[fixed:]))
+    found = pairwise_p.bind(*operands[:fixed], *wide, loop=together)
+    found = [
+        rows if leaf.rows is None else rows.reshape(size, leaf.rows, *rows.shape[1:])
+        for rows, leaf in zip(found, loop.outputs, strict=True)
+    ]
+    return found, [0] * len(found)
+
+
+def _filled(operands: list, several: list[bool], members: list) -> list:
+    left = iter(members)
+    return [next(left) if of else operand for operand, of in zip(operands, several, strict=True)]
+
+
+def _compiled(context, *operands, loop: Loop):
+    lower = jax.ffi.ffi_lowering(
+        machine_code.registered(loop),
+        operand_output_aliases={3 + given: taken for given, taken in loop.in_place},
+    )
+    return lower(context, *operands)
+
+
+ad.primitive_jvps[pairwise_p] = _jvp
+ad.primitive_transposes[pairwise_p] = _transpose
+batching.primitive_batchers[pairwise_p] = _batched
+mlir.register_lowering(
+    pairwise_p,
+    mlir.lower_fun(lambda *operands, loop: loop.in_arrays(*operands), multiple_results=True),
+)
+mlir.register_lowering(pairwise_p, _compiled, platform="cpu")
