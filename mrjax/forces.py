@@ -4,7 +4,7 @@ The drag is linear in velocity and spin, and integrated exactly by the leapfrog.
 apart by component, (P,) for the P possible contacts, each once.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -84,6 +84,9 @@ def total(
     weight = per_particle(particle.net_weight(parameters), particles)
     pull = jnp.stack([jnp.zeros_like(weight), jnp.zeros_like(weight), -weight])
 
+    def remembered(values: Iterator) -> Memory:
+        return Memory(*(next(values) if acts else None for acts in (laws.sliding, laws.rolling)))
+
     def law(listed: Pairs) -> Law:
         constants = surfaces.of(parameters, material, listed)
         each = [i for i, constant in enumerate(constants) if jnp.ndim(constant)]
@@ -106,9 +109,7 @@ def total(
         def acting(first: list, second: list, pair: list, common: list):
             meeting = _meeting(*bodies(first, second, common), *pair[:2])
             left = iter(pair[2:])
-            memory = Memory(
-                *(next(left) if acts else None for acts in (laws.sliding, laws.rolling))
-            )
+            memory = remembered(left)
             values = dict(zip(same, *common, strict=False)) if same else {}
             values |= dict(zip(each, next(left, ()), strict=True))
             of_pair = Surfaces(*(values[i] for i in range(len(constants))))
@@ -129,12 +130,9 @@ def total(
                 replaced=range(2, 2 + len(before)),
             )
             left = iter(kept)
-            memory = Memory(
-                *(next(left) if acts else None for acts in (laws.sliding, laws.rolling))
-            )
             force = pull + force
             torque = torque[0] if torque else jnp.zeros_like(force)
-            return Loads(force, torque, memory, next(left))
+            return Loads(force, torque, remembered(left), next(left))
 
         return loads
 

@@ -182,7 +182,7 @@ class _Body:
         listed = build.sext(build.load(self.count, typ=INT), LONG)
         last = build.select(build.icmp_signed("<", listed, self.room), listed, self.room)
         with _counted(build, LONG(0), last) as pair:
-            (touching,) = _translated(build, loop.touching, self.reader(pair), None)
+            (touching,) = _translated(build, loop.touching, _Reader(self, pair), None)
             with build.if_else(touching) as (near, apart):
                 with near:
                     so_far = build.load(met, typ=LONG)
@@ -217,7 +217,7 @@ class _Body:
             build.load(build.gep(found, [LONG(lane)], source_etype=LONG), typ=LONG)
             for lane in range(lanes)
         ]
-        readers = [self.reader(pair) for pair in pairs]
+        readers = [_Reader(self, pair) for pair in pairs]
 
         @cache
         def read(scalar: int) -> ir.Value:
@@ -230,20 +230,17 @@ class _Body:
         results = list(zip(places(loop.outputs), values, strict=True))
         for lane, (pair, reader) in enumerate(zip(pairs, readers, strict=True)):
             with build.if_then(build.icmp_signed("<", LONG(lane), count)):
-                ends = [self.write(place, pair, reader) for place, _ in results]
-                for (place, value), at in zip(results, ends, strict=True):
+                targets = [self.target(place, pair, reader) for place, _ in results]
+                for (place, value), at in zip(results, targets, strict=True):
                     if not place[2]:
                         self.add(place, at, build.extract_element(value, INT(lane)))
                 with build.if_then(build.not_(reader.wall)):
-                    for (place, value), at in zip(results, ends, strict=True):
+                    for (place, value), at in zip(results, targets, strict=True):
                         if place[2]:
                             self.add(place, at, build.extract_element(value, INT(lane)))
         build.ret_void()
 
-    def reader(self, pair: ir.Value) -> "_Reader":
-        return _Reader(self, pair)
-
-    def write(self, place: Place, pair: ir.Value, reader: "_Reader") -> ir.Value:
+    def target(self, place: Place, pair: ir.Value, reader: "_Reader") -> ir.Value:
         n, row, of_second = place
         leaf = self.loop.outputs[n]
         particle = reader.second if of_second else reader.first
