@@ -8,52 +8,44 @@ function interface.
 
 import ctypes
 import hashlib
-import re
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from functools import cache
-from pathlib import Path
 from threading import Lock
 
 import jax
-import numpy as np
-from jax.extend.core import ClosedJaxpr, Literal
 from llvmlite import binding, ir
 
+from mrjax import threads
+from mrjax.frame import NULL, Frame
+from mrjax.instructions import FREE, INT, LONG, POINTER, TYPES, counted, translated
 from mrjax.loop import Kind, Leaf, Loop, Place, places
-
-INT, LONG, BIT, POINTER = ir.IntType(32), ir.IntType(64), ir.IntType(1), ir.PointerType()
-TYPES = {
-    "float32": ir.FloatType(),
-    "float64": ir.DoubleType(),
-    "int32": INT,
-    "int64": LONG,
-    "bool": BIT,
-}
-FREE = ("contract", "nsz", "arcp")
-"""Liberties with rounding that XLA takes too: a b + c in one operation, reciprocals."""
-
-# Where XLA's C interface keeps what is read here, in bytes (xla/ffi/api/c_api.h).
-EXTENSION, ARGUMENTS, RESULTS = 8, 72, 112
-METADATA, MAJOR, MINOR = 24, 24, 28
-DATA, DIMENSIONS = 24, 40
-MAJOR_VERSION = 0
+from mrjax.parts import stages
 
 VECTOR = 32
 """Bytes of a vector in which pairs are taken together: four in double precision."""
+PARTS = 8
+"""Into which a long list is divided; the same for any number of threads, and so are the sums."""
+LONG_LIST = 16_384
+"""Pairs from which on that pays."""
 
 _engines: dict[str, binding.ExecutionEngine] = {}  # each owns the code of a name
 _lock = Lock()
 
 
+def parts(room: int) -> int:
+    """Into how many parts a list with room for so many pairs is divided."""
+    return PARTS if room >= LONG_LIST else 1
+
+
 @cache
-def registered(loop: Loop) -> str:
+def registered(loop: Loop, parts: int) -> str:
     """The name under which XLA finds the compiled loop: the same in every process.
+
+    In parts it has one result more, of `parts.room_for_sums` for each, which means nothing.
 
     Raises:
       NotImplementedError: the law has an operation that is not translated here.
     """
-    module = _module(loop)
+    module = _module(loop, parts)
     name = "mrjax_" + hashlib.sha256(str(module).encode()).hexdigest()[:32]
     with _lock:
         if name not in _engines:
@@ -87,21 +79,8 @@ def _compiled(source: str) -> binding.ExecutionEngine:
     return engine
 
 
-@cache
-def _minor_version() -> int:
-    header = Path(jax.ffi.include_dir()) / "xla" / "ffi" / "api" / "c_api.h"
-    text = header.read_text()
-    version = {
-        part: int(re.search(rf"#define XLA_FFI_API_{part} (\d+)", text)[1])
-        for part in ("MAJOR", "MINOR")
-    }
-    if version["MAJOR"] != MAJOR_VERSION:
-        raise NotImplementedError(f"XLA's foreign function interface {version} is not known here")
-    return version["MINOR"]
-
-
-def _module(loop: Loop) -> ir.Module:
-    """Three functions: the law for some pairs, the loop, and the handler that XLA calls."""
+def _module(loop: Loop, parts: int) -> ir.Module:
+    """The law for some pairs, the loop over all or a part, and the handler that XLA calls."""
     module = ir.Module("pairs")
     operands = 3 + len(loop.inputs)
     pointers = [POINTER] * (operands + len(loop.outputs))
@@ -116,45 +95,30 @@ def _module(loop: Loop) -> ir.Module:
                 argument.add_attribute("noalias")
         return made
 
-    law, body = function("law", POINTER, LONG), function("loop")
+    law, body = function("law", POINTER, LONG), function("loop", *[LONG] * 5)
     _Body(loop, law).law(*law.args[-2:])
-    _Body(loop, body).all_pairs(law)
+    _Body(loop, body).pairs(law, *body.args[-5:])
 
     handler = ir.Function(module, ir.FunctionType(POINTER, [POINTER]), "handler")
     build = ir.IRBuilder(handler.append_basic_block())
-    (frame,) = handler.args
-
-    def at(base: ir.Value, offset: int, kind: ir.Type = POINTER) -> ir.Value:
-        return build.load(_moved(build, base, offset), typ=kind)
-
-    # XLA first asks, by the only extension there is, for the version that this was written for.
-    extension = at(frame, EXTENSION)
-    with build.if_then(build.icmp_unsigned("!=", extension, ir.Constant(POINTER, None))):
-        metadata = at(extension, METADATA)
-        build.store(INT(MAJOR_VERSION), _moved(build, metadata, MAJOR))
-        build.store(INT(_minor_version()), _moved(build, metadata, MINOR))
-        build.ret(ir.Constant(POINTER, None))
-    arguments, results = at(frame, ARGUMENTS), at(frame, RESULTS)
-    buffers = [at(arguments, 8 * i) for i in range(operands)]
-    buffers += [at(results, 8 * i) for i in range(len(loop.outputs))]
-
-    def length(buffer: ir.Value, leaf: Leaf) -> ir.Value:
-        return at(at(buffer, DIMENSIONS), 0 if leaf.rows is None else 8, LONG)
-
-    of_particles = next(
+    frame = Frame(build, handler.args[0])
+    buffers = frame.buffers(operands, len(loop.outputs) + (parts > 1))
+    of_particles, leaf = next(
         (buffer, leaf)
-        for buffer, leaf in zip(buffers[3:], loop.inputs + loop.outputs, strict=True)
+        for buffer, leaf in zip(buffers[3:], loop.inputs + loop.outputs, strict=False)
         if leaf.kind is Kind.PARTICLE
     )
-    room = at(at(buffers[0], DIMENSIONS), 0, LONG)
-    data = [at(buffer, DATA) for buffer in buffers]
-    build.call(body, [*data, length(*of_particles), room])
-    build.ret(ir.Constant(POINTER, None))
+    particles = of_particles.size(0 if leaf.rows is None else 1)
+    room, data = buffers[0].size(0), [buffer.data for buffer in buffers]
+    listed = build.sext(build.load(data[2], typ=INT), LONG)
+    listed = build.select(build.icmp_signed("<", listed, room), listed, room)
+    if parts == 1:
+        build.call(body, [*data, particles, room, LONG(0), listed, room, LONG(0), particles])
+    else:
+        given = [*data, particles, room, listed]
+        threads.run(frame, stages(loop, body, parts), parts, given, spare=2 * parts)
+    build.ret(NULL)
     return module
-
-
-def _moved(build: ir.IRBuilder, base: ir.Value, offset: int) -> ir.Value:
-    return build.gep(base, [LONG(offset)], source_etype=ir.IntType(8))
 
 
 class _Body:
@@ -168,21 +132,33 @@ class _Body:
         self.outputs = pointers[3 + len(loop.inputs) :]
         self.build = ir.IRBuilder(function.append_basic_block())
 
-    def all_pairs(self, law: ir.Function) -> None:
-        """Every listed pair looked at, and those that touch handed on."""
+    def pairs(
+        self,
+        law: ir.Function,
+        begin: ir.Value,
+        end: ir.Value,
+        past: ir.Value,
+        low: ir.Value,
+        high: ir.Value,
+    ) -> None:
+        """Every listed pair looked at, and those that touch handed on.
+
+        Args:
+          law: for those that touch.
+          begin, end: the pairs. The places from the end to before `past` are empty.
+          low, high: particles from the first to before the second are added to, no others.
+        """
         build, loop = self.build, self.loop
         for pointer, leaf in zip(self.outputs, loop.outputs, strict=True):
             if leaf.kind is Kind.PARTICLE:
-                self.clear(pointer, leaf, LONG(0), self.particles)
+                self.clear(pointer, leaf, low, high)
             elif leaf.kind is Kind.ALL:
                 self.clear(pointer, leaf, LONG(0), LONG(1))
         lanes = loop.lanes(VECTOR)
-        found, met = (build.bitcast(build.alloca(LONG, size), POINTER) for size in (lanes, 1))
+        found, met = (build.alloca(LONG, size) for size in (lanes, 1))
         build.store(LONG(0), met)
-        listed = build.sext(build.load(self.count, typ=INT), LONG)
-        last = build.select(build.icmp_signed("<", listed, self.room), listed, self.room)
-        with _counted(build, LONG(0), last) as pair:
-            (touching,) = _translated(build, loop.touching, _Reader(self, pair), None)
+        with counted(build, begin, end) as pair:
+            (touching,) = translated(build, loop.touching, _Reader(self, pair), None)
             with build.if_else(touching) as (near, apart):
                 with near:
                     so_far = build.load(met, typ=LONG)
@@ -201,12 +177,12 @@ class _Body:
         left = build.load(met, typ=LONG)
         with build.if_then(build.icmp_signed(">", left, LONG(0))):
             first = build.load(found, typ=LONG)
-            with _counted(build, left, LONG(lanes)) as lane:  # pairs to fill the vector up
+            with counted(build, left, LONG(lanes)) as lane:  # pairs to fill the vector up
                 build.store(first, build.gep(found, [lane], source_etype=LONG))
             build.call(law, [*self.arguments, found, left])
         for pointer, leaf in zip(self.outputs, loop.outputs, strict=True):
             if leaf.kind is Kind.PAIR:
-                self.clear(pointer, leaf, last, self.room)
+                self.clear(pointer, leaf, end, past)
         build.ret_void()
 
     def law(self, found: ir.Value, count: ir.Value) -> None:
@@ -226,7 +202,7 @@ class _Body:
                 whole = build.insert_element(whole, reader(scalar), INT(lane))
             return whole
 
-        values = _translated(build, loop.law, read, lanes)
+        values = translated(build, loop.law, read, lanes)
         results = list(zip(places(loop.outputs), values, strict=True))
         for lane, (pair, reader) in enumerate(zip(pairs, readers, strict=True)):
             with build.if_then(build.icmp_signed("<", LONG(lane), count)):
@@ -256,7 +232,7 @@ class _Body:
 
     def clear(self, pointer: ir.Value, leaf: Leaf, begin: ir.Value, end: ir.Value) -> None:
         for row in range(leaf.width):
-            with _counted(self.build, begin, end) as index:
+            with counted(self.build, begin, end) as index:
                 place = self.place(pointer, leaf, row, index)
                 self.build.store(TYPES[leaf.dtype](0.0), place)
 
@@ -297,154 +273,3 @@ class _Reader:
         at = self.body.place(self.body.inputs[n], leaf, row, index)
         value = build.load(at, typ=TYPES[leaf.dtype])
         return build.select(self.wall, TYPES[leaf.dtype](0), value) if of_second else value
-
-
-@contextmanager
-def _counted(build: ir.IRBuilder, begin: ir.Value, end: ir.Value) -> Iterator[ir.Value]:
-    """A loop of an index from begin to before end."""
-    before = build.block
-    head, body, after = (build.append_basic_block() for _ in range(3))
-    build.branch(head)
-    build.position_at_end(head)
-    index = build.phi(LONG)
-    index.add_incoming(begin, before)
-    build.cbranch(build.icmp_signed("<", index, end), body, after)
-    build.position_at_end(body)
-    yield index
-    index.add_incoming(build.add(index, LONG(1)), build.block)
-    build.branch(head)
-    build.position_at_end(after)
-
-
-def _translated(
-    build: ir.IRBuilder,
-    closed: ClosedJaxpr,
-    read: Callable[[int], ir.Value],
-    lanes: int | None,
-) -> list[ir.Value]:
-    """A program of scalars, written where the builder stands.
-
-    Args:
-      build: the builder.
-      closed: the program.
-      read: its arguments by number, called where they are needed.
-      lanes: of vectors that stand for the scalars; None for scalars.
-    """
-    arguments = {variable: i for i, variable in enumerate(closed.jaxpr.invars)}
-    values = {
-        variable: _constant(value, variable.aval.dtype, lanes)
-        for variable, value in zip(closed.jaxpr.constvars, closed.consts, strict=True)
-    }
-
-    def of(atom) -> ir.Value:
-        if isinstance(atom, Literal):
-            return _constant(atom.val, atom.aval.dtype, lanes)
-        if atom in arguments:
-            return read(arguments[atom])
-        return values[atom]
-
-    for equation in closed.jaxpr.eqns:
-        inner = next((equation.params[k] for k in INNER if k in equation.params), None)
-        if inner is not None:
-            given = equation.invars
-            results = _translated(build, inner, lambda i, given=given: of(given[i]), lanes)
-        else:
-            given = [of(atom) for atom in equation.invars]
-            results = [_operation(build, equation, given, lanes)]
-        values.update(zip(equation.outvars, results, strict=True))
-    return [of(atom) for atom in closed.jaxpr.outvars]
-
-
-def _type(dtype: np.dtype, lanes: int | None) -> ir.Type:
-    kind = TYPES[dtype.name]
-    return kind if lanes is None else ir.VectorType(kind, lanes)
-
-
-def _constant(value: object, dtype: np.dtype, lanes: int | None) -> ir.Constant:
-    number = TYPES[dtype.name](np.asarray(value).item())
-    return number if lanes is None else ir.Constant(_type(dtype, lanes), [number] * lanes)
-
-
-INNER = ("jaxpr", "call_jaxpr")
-SAME = ("broadcast_in_dim", "reshape", "squeeze", "copy", "copy_p", "stop_gradient")
-ARITHMETIC = {"add": "fadd", "add_any": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
-WHOLE = {"add": "add", "add_any": "add", "sub": "sub", "mul": "mul"}
-ORDER = {"lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==", "ne": "!="}
-LOGIC = {"and": "and_", "or": "or_", "xor": "xor"}
-INTRINSIC = {"sqrt": "llvm.sqrt", "abs": "llvm.fabs", "max": "llvm.maximum", "min": "llvm.minimum"}
-
-
-def _operation(build: ir.IRBuilder, equation, given: list[ir.Value], lanes: int | None) -> ir.Value:
-    """One operation of JAX on scalars.
-
-    Raises:
-      NotImplementedError: it is none of those that contact laws consist of.
-    """
-    name, kind = equation.primitive.name, equation.outvars[0].aval.dtype
-    of = equation.invars[0].aval.dtype
-    real = of.kind == "f"
-    if name in SAME:
-        return given[0]
-    if name in ARITHMETIC and real:
-        return getattr(build, ARITHMETIC[name])(*given, flags=FREE)
-    if name in WHOLE and not real:
-        return getattr(build, WHOLE[name])(*given)
-    if name in ORDER:
-        if real:
-            compare = build.fcmp_unordered if name == "ne" else build.fcmp_ordered
-            return compare(ORDER[name], *given)
-        return build.icmp_signed(ORDER[name], *given)
-    if name in LOGIC:
-        return getattr(build, LOGIC[name])(*given)
-    if name == "not":
-        return build.not_(*given)
-    if name == "neg" and real:
-        return build.fneg(*given)
-    if name in INTRINSIC and real:
-        return build.call(_intrinsic(build.module, INTRINSIC[name], of, lanes, len(given)), given)
-    if name == "select_n" and len(given) == 3:
-        return build.select(given[0], given[2], given[1])
-    if name == "square" and real:
-        return build.fmul(given[0], given[0], flags=FREE)
-    if name == "integer_pow" and real:
-        return _power(build, given[0], equation.params["y"], _constant(1.0, of, lanes))
-    if name == "convert_element_type":
-        return _converted(build, given[0], of, kind, _type(kind, lanes))
-    raise NotImplementedError(f"{name} of {of} has no machine code here")
-
-
-def _intrinsic(
-    module: ir.Module, base: str, dtype: np.dtype, lanes: int | None, arguments: int
-) -> ir.Function:
-    name = f"{base}.{'' if lanes is None else f'v{lanes}'}f{8 * dtype.itemsize}"
-    if name in module.globals:
-        return module.globals[name]
-    kind = _type(dtype, lanes)
-    return ir.Function(module, ir.FunctionType(kind, [kind] * arguments), name)
-
-
-def _power(build: ir.IRBuilder, base: ir.Value, exponent: int, one: ir.Value) -> ir.Value:
-    result = one
-    for _ in range(abs(exponent)):
-        result = build.fmul(result, base, flags=FREE)
-    return result if exponent >= 0 else build.fdiv(one, result, flags=FREE)
-
-
-def _converted(
-    build: ir.IRBuilder, value: ir.Value, old: np.dtype, new: np.dtype, kind: ir.Type
-) -> ir.Value:
-    if old == new:
-        return value
-    wider = new.itemsize > old.itemsize
-    match old.kind, new.kind:
-        case "f", "f":
-            return (build.fpext if wider else build.fptrunc)(value, kind)
-        case "b", "f":
-            return build.uitofp(value, kind)
-        case "i", "f":
-            return build.sitofp(value, kind)
-        case "b", "i":
-            return build.zext(value, kind)
-        case "i", "i":
-            return (build.sext if wider else build.trunc)(value, kind)
-    raise NotImplementedError(f"{old} to {new} has no machine code here")

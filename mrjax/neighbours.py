@@ -82,8 +82,11 @@ def plan(
     # Half of the volume that partners can reach into, random packing, less the particle itself.
     reach = (cutoff + typical) ** 3 - (largest_diameter / 2) ** 3
     capacity = math.ceil(0.5 * reach / typical**3)
-    # Packed spheres that a cube can hold the centres of.
-    in_cell = math.ceil(0.7 * (cell / typical_diameter + 1) ** 3)
+    # Packed spheres that a cell, as jax-md widens it, can hold the centres of: at its corners, too.
+    fitting = [math.floor(length / cell) for length in box.size]
+    edges = [x / n if n >= 3 else cell for x, n in zip(box.size, fitting, strict=True)]
+    packed = 0.7 * math.prod(edge / typical_diameter + 1 for edge in edges)
+    in_cell = max(8, math.ceil(packed))
     # A random bed of equal spheres has 2.5 contacts for each, walls included, and half a pair more
     # within a twentieth of a diameter.
     of_each = 3.0 + 10.0 * skin / largest_diameter

@@ -18,6 +18,7 @@ from jax.typing import ArrayLike
 from mrjax import machine_code
 from mrjax.loop import Kind, Leaf, Loop
 from mrjax.pairs import Pairs
+from mrjax.parts import room_for_sums
 
 AT_ONCE = 4
 """Directions of a derivative that one loop takes together."""
@@ -199,11 +200,18 @@ def _filled(operands: list, several: list[bool], members: list) -> list:
 
 
 def _compiled(context, *operands, loop: Loop):
+    shapes = [operand.shape for operand in context.avals_in]
+    parts = machine_code.parts(shapes[0][0])
     lower = jax.ffi.ffi_lowering(
-        machine_code.registered(loop),
+        machine_code.registered(loop, parts),
         operand_output_aliases={3 + given: taken for given, taken in loop.in_place},
     )
-    return lower(context, *operands)
+    if parts == 1:
+        return lower(context, *operands)
+    sums = room_for_sums(loop, loop.particles(shapes[3:]))
+    apart = ShapedArray((parts, sums), loop.outputs[0].dtype)
+    *found, _ = lower(context.replace(avals_out=[*context.avals_out, apart]), *operands)
+    return found
 
 
 ad.primitive_jvps[pairwise_p] = _jvp

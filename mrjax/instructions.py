@@ -1,0 +1,176 @@
+"""The scalars of a JAX program as instructions of LLVM, one by one, or several at once in lanes."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from jax.extend.core import ClosedJaxpr, Literal
+from llvmlite import ir
+
+INT, LONG, BIT, POINTER = ir.IntType(32), ir.IntType(64), ir.IntType(1), ir.PointerType()
+TYPES = {
+    "float32": ir.FloatType(),
+    "float64": ir.DoubleType(),
+    "int32": INT,
+    "int64": LONG,
+    "bool": BIT,
+}
+FREE = ("contract", "nsz", "arcp")
+"""Liberties with rounding that XLA takes too: a b + c in one operation, reciprocals."""
+
+
+def as_word(build: ir.IRBuilder, value: ir.Value) -> ir.Value:
+    """A number of eight bytes, or an address as one."""
+    address = isinstance(value.type, ir.PointerType)
+    return build.ptrtoint(value, LONG) if address else value
+
+
+@contextmanager
+def counted(build: ir.IRBuilder, begin: ir.Value, end: ir.Value) -> Iterator[ir.Value]:
+    """A loop of an index from begin to before end."""
+    before = build.block
+    head, body, after = (build.append_basic_block() for _ in range(3))
+    build.branch(head)
+    build.position_at_end(head)
+    index = build.phi(LONG)
+    index.add_incoming(begin, before)
+    build.cbranch(build.icmp_signed("<", index, end), body, after)
+    build.position_at_end(body)
+    yield index
+    index.add_incoming(build.add(index, LONG(1)), build.block)
+    build.branch(head)
+    build.position_at_end(after)
+
+
+def translated(
+    build: ir.IRBuilder,
+    closed: ClosedJaxpr,
+    read: Callable[[int], ir.Value],
+    lanes: int | None,
+) -> list[ir.Value]:
+    """A program of scalars, written where the builder stands.
+
+    Args:
+      build: the builder.
+      closed: the program.
+      read: its arguments by number, called where they are needed.
+      lanes: of vectors that stand for the scalars; None for scalars.
+    """
+    arguments = {variable: i for i, variable in enumerate(closed.jaxpr.invars)}
+    values = {
+        variable: _constant(value, variable.aval.dtype, lanes)
+        for variable, value in zip(closed.jaxpr.constvars, closed.consts, strict=True)
+    }
+
+    def of(atom) -> ir.Value:
+        if isinstance(atom, Literal):
+            return _constant(atom.val, atom.aval.dtype, lanes)
+        if atom in arguments:
+            return read(arguments[atom])
+        return values[atom]
+
+    for equation in closed.jaxpr.eqns:
+        inner = next((equation.params[k] for k in INNER if k in equation.params), None)
+        if inner is not None:
+            given = equation.invars
+            results = translated(build, inner, lambda i, given=given: of(given[i]), lanes)
+        else:
+            given = [of(atom) for atom in equation.invars]
+            results = [_operation(build, equation, given, lanes)]
+        values.update(zip(equation.outvars, results, strict=True))
+    return [of(atom) for atom in closed.jaxpr.outvars]
+
+
+def _type(dtype: np.dtype, lanes: int | None) -> ir.Type:
+    kind = TYPES[dtype.name]
+    return kind if lanes is None else ir.VectorType(kind, lanes)
+
+
+def _constant(value: object, dtype: np.dtype, lanes: int | None) -> ir.Constant:
+    number = TYPES[dtype.name](np.asarray(value).item())
+    return number if lanes is None else ir.Constant(_type(dtype, lanes), [number] * lanes)
+
+
+INNER = ("jaxpr", "call_jaxpr")
+SAME = ("broadcast_in_dim", "reshape", "squeeze", "copy", "copy_p", "stop_gradient")
+ARITHMETIC = {"add": "fadd", "add_any": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
+WHOLE = {"add": "add", "add_any": "add", "sub": "sub", "mul": "mul"}
+ORDER = {"lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==", "ne": "!="}
+LOGIC = {"and": "and_", "or": "or_", "xor": "xor"}
+INTRINSIC = {"sqrt": "llvm.sqrt", "abs": "llvm.fabs", "max": "llvm.maximum", "min": "llvm.minimum"}
+
+
+def _operation(build: ir.IRBuilder, equation, given: list[ir.Value], lanes: int | None) -> ir.Value:
+    """One operation of JAX on scalars.
+
+    Raises:
+      NotImplementedError: it is none of those that contact laws consist of.
+    """
+    name, kind = equation.primitive.name, equation.outvars[0].aval.dtype
+    of = equation.invars[0].aval.dtype
+    real = of.kind == "f"
+    if name in SAME:
+        return given[0]
+    if name in ARITHMETIC and real:
+        return getattr(build, ARITHMETIC[name])(*given, flags=FREE)
+    if name in WHOLE and not real:
+        return getattr(build, WHOLE[name])(*given)
+    if name in ORDER:
+        if real:
+            compare = build.fcmp_unordered if name == "ne" else build.fcmp_ordered
+            return compare(ORDER[name], *given)
+        return build.icmp_signed(ORDER[name], *given)
+    if name in LOGIC:
+        return getattr(build, LOGIC[name])(*given)
+    if name == "not":
+        return build.not_(*given)
+    if name == "neg" and real:
+        return build.fneg(*given)
+    if name in INTRINSIC and real:
+        return build.call(_intrinsic(build.module, INTRINSIC[name], of, lanes, len(given)), given)
+    if name == "select_n" and len(given) == 3:
+        return build.select(given[0], given[2], given[1])
+    if name == "square" and real:
+        return build.fmul(given[0], given[0], flags=FREE)
+    if name == "integer_pow" and real:
+        return _power(build, given[0], equation.params["y"], _constant(1.0, of, lanes))
+    if name == "convert_element_type":
+        return _converted(build, given[0], of, kind, _type(kind, lanes))
+    raise NotImplementedError(f"{name} of {of} has no machine code here")
+
+
+def _intrinsic(
+    module: ir.Module, base: str, dtype: np.dtype, lanes: int | None, arguments: int
+) -> ir.Function:
+    name = f"{base}.{'' if lanes is None else f'v{lanes}'}f{8 * dtype.itemsize}"
+    if name in module.globals:
+        return module.globals[name]
+    kind = _type(dtype, lanes)
+    return ir.Function(module, ir.FunctionType(kind, [kind] * arguments), name)
+
+
+def _power(build: ir.IRBuilder, base: ir.Value, exponent: int, one: ir.Value) -> ir.Value:
+    result = one
+    for _ in range(abs(exponent)):
+        result = build.fmul(result, base, flags=FREE)
+    return result if exponent >= 0 else build.fdiv(one, result, flags=FREE)
+
+
+def _converted(
+    build: ir.IRBuilder, value: ir.Value, old: np.dtype, new: np.dtype, kind: ir.Type
+) -> ir.Value:
+    if old == new:
+        return value
+    wider = new.itemsize > old.itemsize
+    match old.kind, new.kind:
+        case "f", "f":
+            return (build.fpext if wider else build.fptrunc)(value, kind)
+        case "b", "f":
+            return build.uitofp(value, kind)
+        case "i", "f":
+            return build.sitofp(value, kind)
+        case "b", "i":
+            return build.zext(value, kind)
+        case "i", "i":
+            return (build.sext if wider else build.trunc)(value, kind)
+    raise NotImplementedError(f"{old} to {new} has no machine code here")

@@ -1,0 +1,175 @@
+"""A loop over pairs in parts, each with sums of its own, which are added up in the parts' order.
+
+A part has room for all particles, but clears, fills and hands on only from the first to the last
+that its pairs name. In a list in the order of particles, which are in some order in space, these
+are few.
+"""
+
+from functools import reduce
+
+from llvmlite import ir
+
+from mrjax.instructions import FREE, INT, LONG, POINTER, TYPES, counted
+from mrjax.loop import Kind, Leaf, Loop
+from mrjax.threads import word
+
+
+def room_for_sums(loop: Loop, particles: int) -> int:
+    """Numbers that one part sums."""
+    return sum(
+        leaf.width * (particles if leaf.kind is Kind.PARTICLE else 1) for leaf in _sums(loop)
+    )
+
+
+def stages(loop: Loop, body: ir.Function, parts: int) -> list[ir.Function]:
+    """Functions of the words of a job and the number of a part: its pairs, and its share of sums.
+
+    The words are the addresses of arrays that `body` takes, that of room for the sums of all parts,
+    the numbers of particles, places and pairs; then they keep which particles the parts name.
+    """
+    module = body.module
+    some = _Stage(loop, module, "some", parts)
+    some.pairs(body)
+    if not _sums(loop):
+        return [some.function]
+    added = _Stage(loop, module, "added", parts)
+    added.sums()
+    return [some.function, added.function]
+
+
+def _sums(loop: Loop) -> list[Leaf]:
+    return [leaf for leaf in loop.outputs if leaf.kind is not Kind.PAIR]
+
+
+class _Stage:
+    """One of the functions, and what it finds among the words."""
+
+    def __init__(self, loop: Loop, module: ir.Module, name: str, parts: int):
+        kind = ir.FunctionType(ir.VoidType(), [POINTER, LONG])
+        self.function = ir.Function(module, kind, name)
+        self.function.linkage = "internal"
+        self.loop, self.parts = loop, parts
+        self.words, self.part = self.function.args
+        self.build = build = ir.IRBuilder(self.function.append_basic_block())
+        self.outputs, arrays = 3 + len(loop.inputs), 3 + len(loop.inputs + loop.outputs)
+        self.number = TYPES[loop.outputs[0].dtype]
+
+        def of(index: int, typ: ir.Type) -> ir.Value:
+            return build.load(word(build, self.words, index), typ=typ)
+
+        self.arrays = [of(index, POINTER) for index in range(arrays)]
+        self.apart = of(arrays, POINTER)
+        self.particles, self.room, self.listed = (
+            of(index, LONG) for index in range(arrays + 1, arrays + 4)
+        )
+        self.lows, self.highs = arrays + 4, arrays + 4 + parts
+
+    def pairs(self, body: ir.Function) -> None:
+        """The loop over the pairs of this part."""
+        build = self.build
+        begin, end = self.share(self.listed)
+        low, high = self.named(begin, end)
+        build.store(low, word(build, self.words, build.add(LONG(self.lows), self.part)))
+        build.store(high, word(build, self.words, build.add(LONG(self.highs), self.part)))
+        last = build.icmp_signed("==", self.part, LONG(self.parts - 1))
+        past = build.select(last, self.room, end)
+        arrays = list(self.arrays)
+        for index, leaf in enumerate(self.loop.outputs):
+            if leaf.kind is not Kind.PAIR:
+                arrays[self.outputs + index] = self.place(self.part, index)
+        build.call(body, [*arrays, self.particles, self.room, begin, end, past, low, high])
+        build.ret_void()
+
+    def sums(self) -> None:
+        """What the parts found for this part's share of the particles, and for all."""
+        build = self.build
+        begin, end = self.share(self.particles)
+        outputs = list(enumerate(self.loop.outputs))
+        of_particles = [index for index, leaf in outputs if leaf.kind is Kind.PARTICLE]
+        of_all = [index for index, leaf in outputs if leaf.kind is Kind.ALL]
+        for index in of_particles:
+            self.clear(index, begin, end)
+        with counted(build, LONG(0), LONG(self.parts)) as part:
+            low, high = (
+                build.load(word(build, self.words, build.add(LONG(of), part)), typ=LONG)
+                for of in (self.lows, self.highs)
+            )
+            low = build.select(build.icmp_signed(">", low, begin), low, begin)
+            high = build.select(build.icmp_signed("<", high, end), high, end)
+            for index in of_particles:
+                self.add(index, part, low, high)
+        if of_all:
+            with build.if_then(build.icmp_signed("==", self.part, LONG(0))):
+                for index in of_all:
+                    self.clear(index, LONG(0), LONG(1))
+                with counted(build, LONG(0), LONG(self.parts)) as part:
+                    for index in of_all:
+                        self.add(index, part, LONG(0), LONG(1))
+        build.ret_void()
+
+    def share(self, number: ir.Value) -> tuple[ir.Value, ir.Value]:
+        """Begin and end of this part of so many."""
+        build = self.build
+        after = build.add(self.part, LONG(1))
+        return tuple(
+            build.sdiv(build.mul(number, edge), LONG(self.parts)) for edge in (self.part, after)
+        )
+
+    def named(self, begin: ir.Value, end: ir.Value) -> tuple[ir.Value, ir.Value]:
+        """The first particle that these pairs name, and the one after the last."""
+        build = self.build
+        particles = build.trunc(self.particles, INT)
+        low, high = (build.alloca(INT) for _ in range(2))
+        build.store(particles, low)
+        build.store(INT(0), high)
+
+        def keep(place: ir.Value, order: str, value: ir.Value) -> None:
+            before = build.load(place, typ=INT)
+            beyond = build.icmp_signed(order, value, before)
+            build.store(build.select(beyond, value, before), place)
+
+        with counted(build, begin, end) as pair:
+            for pointer in self.arrays[:2]:
+                end_of_pair = build.gep(pointer, [pair], source_etype=INT)
+                named = build.load(end_of_pair, typ=INT)
+                wall = build.icmp_signed(">=", named, particles)
+                keep(low, "<", named)
+                keep(high, ">", build.select(wall, INT(0), build.add(named, INT(1))))
+        return tuple(build.sext(build.load(place, typ=INT), LONG) for place in (low, high))
+
+    def length(self, leaf: Leaf) -> ir.Value:
+        return self.particles if leaf.kind is Kind.PARTICLE else LONG(1)
+
+    def place(self, part: ir.Value, output: int) -> ir.Value:
+        """Of the sums of a part that belong to an output."""
+        build = self.build
+        sizes = [
+            build.mul(LONG(leaf.width), self.length(leaf))
+            for leaf in self.loop.outputs
+            if leaf.kind is not Kind.PAIR
+        ]
+        before = sum(leaf.kind is not Kind.PAIR for leaf in self.loop.outputs[:output])
+        numbers = build.mul(part, reduce(build.add, sizes))
+        numbers = reduce(build.add, sizes[:before], numbers)
+        return build.gep(self.apart, [numbers], source_etype=self.number)
+
+    def rows(self, output: int, array: ir.Value) -> list[ir.Value]:
+        """Where the rows of an output begin, in the array itself or in a part's."""
+        leaf = self.loop.outputs[output]
+        steps = (self.build.mul(LONG(row), self.length(leaf)) for row in range(leaf.width))
+        return [self.build.gep(array, [step], source_etype=self.number) for step in steps]
+
+    def clear(self, output: int, begin: ir.Value, end: ir.Value) -> None:
+        for row in self.rows(output, self.arrays[self.outputs + output]):
+            with counted(self.build, begin, end) as index:
+                at = self.build.gep(row, [index], source_etype=self.number)
+                self.build.store(self.number(0.0), at)
+
+    def add(self, output: int, part: ir.Value, begin: ir.Value, end: ir.Value) -> None:
+        into = self.rows(output, self.arrays[self.outputs + output])
+        found = self.rows(output, self.place(part, output))
+        for rows in zip(into, found, strict=True):
+            with counted(self.build, begin, end) as index:
+                places = [self.build.gep(row, [index], source_etype=self.number) for row in rows]
+                values = (self.build.load(at, typ=self.number) for at in places)
+                self.build.store(self.build.fadd(*values, flags=FREE), places[0])

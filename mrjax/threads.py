@@ -1,0 +1,141 @@
+"""Parts of one call, each taken by whichever of XLA's threads is free, or by the caller.
+
+Threads draw the numbers of parts from one counter; who does which is chance, what is done is not.
+The caller waits for parts that others have begun, but for no thread to begin: one that comes late
+finds nothing left to do. Until then the job's place in memory is kept, which is why it outlives the
+call.
+"""
+
+import os
+
+from llvmlite import ir
+
+from mrjax.frame import Frame
+from mrjax.instructions import INT, LONG, POINTER, as_word, counted
+
+JOBS = 16
+"""Calls of one loop that may be under way with help; any more do their parts themselves."""
+# Words of eight bytes at the beginning of a job, before those that its parts read and write.
+USERS, DRAWN, DONE, WORDS = 0, 1, 2, 3
+NOTHING = ir.VoidType()
+
+
+def word(build: ir.IRBuilder, words: ir.Value, index: int | ir.Value) -> ir.Value:
+    """Address of a word of eight bytes."""
+    index = LONG(index) if isinstance(index, int) else index
+    return build.gep(words, [index], source_etype=LONG)
+
+
+def run(
+    frame: Frame, stages: list[ir.Function], parts: int, given: list[ir.Value], spare: int
+) -> None:
+    """Has all parts of the first stage done, then all of the next; where the builder stands.
+
+    Args:
+      frame: of the call.
+      stages: functions of the words of a job and the number of a part.
+      parts: of each stage.
+      given: the first words of the job.
+      spare: words after them, for the parts to write.
+    """
+    build, module = frame.build, frame.build.module
+    size = WORDS + len(given) + spare
+    work = _work(module, stages, parts)
+    task = _task(module, work)
+    jobs = ir.GlobalVariable(module, ir.ArrayType(LONG, JOBS * size), "jobs")
+    jobs.linkage, jobs.initializer = "internal", ir.Constant(jobs.value_type, None)
+
+    most = build.sub(frame.threads(), LONG(1))
+    wanted = build.select(build.icmp_signed("<", most, LONG(parts)), most, LONG(parts - 1))
+    own, job, helpers = (build.alloca(LONG, number) for number in (size, 1, 1))
+    build.store(LONG(1), word(build, own, USERS))
+    build.store(as_word(build, own), job)
+    build.store(LONG(0), helpers)
+    with counted(build, LONG(0), LONG(JOBS)) as index:
+        missing = build.icmp_signed("<", build.load(helpers, typ=LONG), wanted)
+        with build.if_then(missing):
+            place = word(build, jobs, build.mul(index, LONG(size)))
+            users = build.add(wanted, LONG(1))
+            free = build.cmpxchg(word(build, place, USERS), LONG(0), users, "acq_rel", "acquire")
+            with build.if_then(build.extract_value(free, 1)):
+                build.store(as_word(build, place), job)
+                build.store(wanted, helpers)
+
+    place = build.load(job, typ=POINTER)
+    for index in (DRAWN, DONE):
+        build.store(LONG(0), word(build, place, index))
+    for index, value in enumerate(given, start=WORDS):
+        build.store(as_word(build, value), word(build, place, index))
+    with counted(build, LONG(0), build.load(helpers, typ=LONG)):
+        refused = build.not_(frame.schedule(task, place))
+        with build.if_then(refused):
+            _left(build, place)
+    build.call(work, [place])
+    _wait(build, place, len(stages) * parts)
+    _left(build, place)
+
+
+def _work(module: ir.Module, stages: list[ir.Function], parts: int) -> ir.Function:
+    """Draws parts and does them until none is left."""
+    work = _function(module, "work", NOTHING)
+    (job,) = work.args
+    build = ir.IRBuilder(work.append_basic_block())
+    again = work.append_basic_block()
+    build.branch(again)
+    build.position_at_end(again)
+    drawn = build.atomic_rmw("add", word(build, job, DRAWN), LONG(1), "acq_rel")
+    with build.if_then(build.icmp_signed(">=", drawn, LONG(len(stages) * parts))):
+        build.ret_void()
+    words = word(build, job, WORDS)
+    for number, stage in enumerate(stages):
+        part = build.sub(drawn, LONG(number * parts))
+        mine = build.icmp_unsigned("<", part, LONG(parts))
+        with build.if_then(mine):
+            _wait(build, job, number * parts)
+            build.call(stage, [words, part])
+    build.atomic_rmw("add", word(build, job, DONE), LONG(1), "acq_rel")
+    build.branch(again)
+    return work
+
+
+def _task(module: ir.Module, work: ir.Function) -> ir.Function:
+    """What another thread is asked to call."""
+    task = _function(module, "task", NOTHING)
+    build = ir.IRBuilder(task.append_basic_block())
+    build.call(work, task.args)
+    _left(build, task.args[0])
+    build.ret_void()
+    return task
+
+
+def _wait(build: ir.IRBuilder, job: ir.Value, number: int) -> None:
+    """Until so many parts are done."""
+    again, after = build.append_basic_block(), build.append_basic_block()
+    build.branch(again)
+    build.position_at_end(again)
+    done = build.load_atomic(word(build, job, DONE), "acquire", 8, typ=LONG)
+    missing = build.icmp_signed("<", done, LONG(number))
+    if os.name == "posix":  # who is waited for may want this very core
+        with build.if_then(missing):
+            build.call(_yield(build.module), [])
+    build.cbranch(missing, again, after)
+    build.position_at_end(after)
+
+
+def _yield(module: ir.Module) -> ir.Function:
+    """Of the C library."""
+    name = "sched_yield"
+    if name in module.globals:
+        return module.globals[name]
+    return ir.Function(module, ir.FunctionType(INT, []), name)
+
+
+def _left(build: ir.IRBuilder, job: ir.Value) -> None:
+    """One user fewer; without any the place is free."""
+    build.atomic_rmw("sub", word(build, job, USERS), LONG(1), "acq_rel")
+
+
+def _function(module: ir.Module, name: str, result: ir.Type) -> ir.Function:
+    function = ir.Function(module, ir.FunctionType(result, [POINTER]), name)
+    function.linkage = "internal"
+    return function
