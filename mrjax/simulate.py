@@ -19,6 +19,7 @@ from mrjax import (
     history,
     leapfrog,
     neighbours,
+    order,
     pairs,
     particle,
     schedule,
@@ -213,7 +214,25 @@ def prepared(
 def attempt(
     state: State, parameters: Parameters, hindrance: Hindrance | None, box: Box, setup: Setup
 ) -> Run:
-    """One run with all decided, whose faults may be mended: SI to reduced units, scan, and back."""
+    """One run with all decided, whose faults may be mended; of many particles in order of space."""
+    if state.particles < order.MANY:
+        return _in_reduced_units(state, parameters, hindrance, box, setup)
+    places = order.in_space(state.position, box, setup.plan.cell * setup.unit_length)
+    state, parameters = order.arranged(state, places), order.of_each(parameters, places)
+    run = _in_reduced_units(state, parameters, hindrance, box, setup)
+    back = jnp.argsort(places)
+    return replace(
+        run,
+        heights=run.heights[:, back],
+        radius=run.radius[back],
+        state=order.arranged(run.state, back),
+    )
+
+
+def _in_reduced_units(
+    state: State, parameters: Parameters, hindrance: Hindrance | None, box: Box, setup: Setup
+) -> Run:
+    """SI to reduced units, scan, and back."""
     duration, unit_length, plan, cuts, laws = (
         getattr(setup, field.name) for field in fields(setup)
     )

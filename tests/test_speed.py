@@ -31,9 +31,9 @@ def test_tiles_are_images_of_each_other_and_do_not_touch(folder):
 def test_both_codes_fall_alike(folder):
     """Ten steps of free fall: the same heights, by whichever code is there."""
     steps = 10
-    measuring = throughput.here(str(folder), states.DILUTE, 1, steps, 0, "float64")
+    measuring = throughput.here(str(folder), states.DILUTE, 1, steps - 1, 1, "float64")
     ours = next(measuring)
-    assert not ours["repeats"] and next(measuring)["seconds"] > 0.0
+    assert {"seconds", "start"} == next(measuring).keys()
     state, box = states.load(folder, states.DILUTE)
     start = np.asarray(state.position), np.asarray(state.velocity)
     speed = 9.81 * steps * states.TIME_STEP

@@ -10,17 +10,18 @@ from pathlib import Path
 
 import numpy as np
 
-import mrjax
-from mrjax.simulate import attempt, prepared
+from mrjax.run import Run
+from mrjax.simulate import Setup, attempt, prepared
 
 from . import liggghts, process, states, timing
 from .process import Process
 
-WORK = 5e6
+WORK = 1e7
 """Particle-steps of a run, which takes some seconds."""
 LEAST_STEPS, MOST_STEPS = 128, 30_000
 """The most there are between rebuilds of the list; and as long as a dispersed box stays so."""
 WARM = 2_000
+"""Steps before the clock starts."""
 DTYPES = ("float64", "float32")
 
 
@@ -40,7 +41,7 @@ def _row(folder: Path, phase: str, tiles: int, cores: int, repetitions: int, wor
     position, velocity = np.asarray(state.position), np.asarray(state.velocity)
     steps = int(np.clip(work / len(position), LEAST_STEPS, MOST_STEPS))
     warm = min(WARM, steps)
-    found = {name: {"seconds": []} for name in DTYPES}
+    found = {name: {"seconds": [], "start": []} for name in DTYPES}
     compared = liggghts.available(cores)
     if compared:
         found["liggghts"] = {"seconds": []}
@@ -51,8 +52,13 @@ def _row(folder: Path, phase: str, tiles: int, cores: int, repetitions: int, wor
             asked = Process("throughput", {**given, "warm": warm, "dtype": dtype}, cores)
             ours[dtype] = stack.enter_context(asked)
             found[dtype].update(ours[dtype].answer())
+
+        def our_turn(dtype: str) -> None:
+            for key, value in ours[dtype].again().items():
+                found[dtype][key].append(value)
+
         for _ in range(repetitions):
-            found["float64"]["seconds"].append(ours["float64"].again()["seconds"])
+            our_turn("float64")
             if compared:  # between the two, so that it is next to either
                 theirs = liggghts.run(
                     position, velocity, box, steps=steps, warm=warm, number_of_cores=cores
@@ -60,7 +66,9 @@ def _row(folder: Path, phase: str, tiles: int, cores: int, repetitions: int, wor
                 look = states.look(theirs.position, theirs.velocity)
                 found["liggghts"].update(builds=theirs.builds, **look)
                 found["liggghts"]["seconds"].append(theirs.seconds)
-            found["float32"]["seconds"].append(ours["float32"].again()["seconds"])
+            our_turn("float32")
+    for dtype in DTYPES:
+        found[dtype]["start"] = timing.spread(found[dtype]["start"])
     for code in found.values():
         code["rate"] = timing.spread([len(position) * steps / one for one in code["seconds"]])
     if compared:
@@ -74,31 +82,41 @@ def _row(folder: Path, phase: str, tiles: int, cores: int, repetitions: int, wor
 def here(
     folder: str, phase: str, tiles: int, steps: int, warm: int, dtype: str
 ) -> Iterator[dict[str, float]]:
-    """First what the run is and where it ends, then how long it takes, again and again."""
+    """First what the run is and where it ends, then how long its steps take, again and again.
+
+    As long as a run of `warm + steps` takes beyond one of `warm`: the other code's clock, too, runs
+    from step to step, without what precedes the first.
+    """
     state, box = states.load(Path(folder), phase, tiles, dtype)
     parameters = states.dry()
-    chosen = {"time_step": states.TIME_STEP, "skin": states.SKIN}
-    if warm:
-        state = mrjax.simulate(
-            state, parameters, box, duration=warm * states.TIME_STEP, **chosen
-        ).state
-    duration = steps * states.TIME_STEP
-    setup = prepared(state, parameters, box, duration=duration, frames=1, **chosen)
-    first = attempt(state, parameters, None, box, setup)
 
-    def follow() -> mrjax.Run:
-        return mrjax.simulate(state, parameters, box, duration=duration, **chosen)
+    def until(step: int) -> tuple[Setup, Run]:
+        setup = prepared(
+            state,
+            parameters,
+            box,
+            duration=step * states.TIME_STEP,
+            frames=1,
+            time_step=states.TIME_STEP,
+            skin=states.SKIN,
+        )
+        while int((run := attempt(state, parameters, None, box, setup)).fault):
+            setup = setup.mended(run)
+        return setup, run
 
-    faulty = bool(int(first.fault))
-    run = follow() if faulty else first
+    (shorter, _), (longer, run) = until(warm), until(warm + steps)
+
+    def seconds(setup: Setup) -> float:
+        return timing.seconds(lambda: attempt(state, parameters, None, box, setup))
+
     yield {
-        "builds": setup.cuts.frames * setup.cuts.intervals,
-        # A plain call then repeats itself with more room, every time.
-        "repeats": faulty,
+        "builds": longer.cuts.intervals - shorter.cuts.intervals,
         **states.look(np.asarray(run.state.position), np.asarray(run.state.velocity)),
     }
     while True:
-        yield {"seconds": timing.seconds(follow)}
+        before = seconds(shorter)
+        taken = seconds(longer) - before
+        yield {"seconds": taken, "start": before - warm / steps * taken}
 
 
 if __name__ == "__main__":
