@@ -3,24 +3,23 @@
 Knows nothing of the physics: `residuals` maps a pytree of positive numbers to a vector of
 (prediction - measurement) / standard deviation. All work is done in logarithms, where a product of
 factors is a sum and a log-normal prior one more residual. The search finds the valley; error bars
-and the last digits need the Levenberg-Marquardt finish.
+and the last digits need the Levenberg-Marquardt finish. All but the forward model is arithmetic on
+a few numbers and left to numpy: one compiled program, Jacobian and residuals, serves throughout.
 """
 
 import json
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import equinox
 import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
-import optimistix
 from jax import Array
-from jax.flatten_util import ravel_pytree
 from scipy.optimize import OptimizeResult, minimize
 from tqdm import tqdm
 
@@ -39,6 +38,11 @@ SIMPLEX, SIMPLEX_ENDS = 0.5, 0.03
 TRUSTED_FROM = 0.25
 """Part of the decrease that a Gauss-Newton step promises which it must bring for the search to have
 found the valley."""
+TAKEN_FROM, GOOD_FROM = 0.01, 0.99
+"""Part of the decrease that a damped step promises which it must bring to be taken, and for the
+next to be damped less."""
+LESS, MORE = 3.5, 4.0
+"""By how much less and more a step is damped (Gould et al. 2005)."""
 MOST_FOR_EACH = 50
 """Most runs of a simplex, for each value."""
 AGAIN = 10
@@ -147,15 +151,16 @@ def fit(
     """
     optimizer = optax.with_extra_args_support(optimizer or optax.adam(0.3))
     names = _names(start)
-    values, unravel = ravel_pytree(jax.tree.map(lambda leaf: jnp.asarray(leaf, float), start))
+    leaves, structure = jax.tree.flatten(start)
+    values = np.concatenate([np.ravel(leaf).astype(float) for leaf in leaves])
     _refuse_unusable(names, values, priors or {})
-    median, precision = _prior_arrays(names, values, priors or {})
+    median, precision = _prior_arrays(names, priors or {})
     held = tuple(int(place) for place in np.flatnonzero(precision))
     places = np.array(held, int)
-    given = _Given(data, jnp.log(median[places]), jnp.sqrt(precision[places]))
-    shapes = tuple(jnp.shape(leaf) for leaf in jax.tree.leaves(start))
-    compiled = _compiled(residuals, jax.tree.structure(start), shapes, held, robust, data is None)
-    each = _starts(jnp.log(values), precision, starts, seed)
+    given = _Given(data, np.log(median[places]), np.sqrt(precision[places]))
+    shapes = tuple(np.shape(leaf) for leaf in leaves)
+    compiled = _compiled(residuals, structure, shapes, held, robust, data is None)
+    each = _starts(np.log(values), precision, starts, seed)
     with permissive():
         each, losses, runs = _search(
             compiled, given, each, names, optimizer, search_steps, progress, checkpoint
@@ -173,27 +178,28 @@ def fit(
             converged = on_a_kink or _expects_nothing(best)
             runs += more_runs
     loss, logs, jacobian, value = best
-    fitted = np.asarray(jnp.exp(logs))
+    with np.errstate(over="ignore"):
+        fitted = np.exp(logs)
     converged = converged and bool(np.isfinite(fitted).all())
     if checkpoint is not None:
         checkpoint.unlink(missing_ok=True)
     count = value.shape[0] - len(held)
     # Where no prediction depends on anything, the end is no optimum of the data.
-    converged = converged and bool(jnp.any(jacobian[:count] != 0.0))
+    converged = converged and bool(np.any(jacobian[:count] != 0.0))
     return Fit(
-        theta=unravel(jnp.asarray(fitted)),
+        theta=_tree(fitted, structure, shapes),
         names=names,
         values=fitted,
-        residuals=np.asarray(value[:count]),
-        jacobian=np.asarray(jacobian[:count]),
-        prior_precision=np.asarray(precision),
+        residuals=value[:count],
+        jacobian=jacobian[:count],
+        prior_precision=precision,
         loss=np.array([*losses, loss]),
         converged=converged,
         on_a_kink=on_a_kink,
         model_runs=runs,
         robust=robust,
         other_optima=tuple(
-            (other.loss, np.exp(np.asarray(other.logs)))
+            (other.loss, np.exp(other.logs))
             for other in others
             if np.isfinite(other.loss) and other.loss - loss > 0.5  # by chi-squared of one
         ),
@@ -207,8 +213,8 @@ class _Given(NamedTuple):
     """What a compiled fit takes beside the values."""
 
     data: Any
-    median: Array  # logarithms of the priors' medians, (K,)
-    weight: Array  # 1 / log_standard_deviation of the priors, (K,)
+    median: np.ndarray  # logarithms of the priors' medians, (K,)
+    weight: np.ndarray  # 1 / log_standard_deviation of the priors, (K,)
 
 
 class _Compiled(NamedTuple):
@@ -216,7 +222,6 @@ class _Compiled(NamedTuple):
 
     everything: Callable[[Array, _Given], Array]  # residuals and priors, (M + K,)
     linearised: Callable[[Array, _Given], tuple[Array, Array]]  # Jacobian and residuals
-    solve: Callable  # Levenberg-Marquardt
 
 
 @lru_cache(maxsize=16)
@@ -229,18 +234,12 @@ def _compiled(
     without_data: bool,
 ) -> _Compiled:
     """Those of residuals of a pytree of this structure, with priors on the `held` values."""
-    ends = np.cumsum([int(np.prod(shape)) for shape in shapes])[:-1]
     places = np.array(held, int)
-
-    def theta(logs: Array) -> Any:
-        parts = jnp.split(jnp.exp(logs), ends)
-        leaves = [jnp.reshape(part, shape) for part, shape in zip(parts, shapes, strict=True)]
-        return jax.tree.unflatten(structure, leaves)
 
     @jax.jit
     def everything(logs: Array, given: _Given) -> Array:
-        found = residuals(theta(logs)) if without_data else residuals(theta(logs), given.data)
-        found = jnp.atleast_1d(found)
+        theta = _tree(jnp.exp(logs), structure, shapes)
+        found = jnp.atleast_1d(residuals(theta) if without_data else residuals(theta, given.data))
         if robust is not None:
             found = pseudo_huber(found, robust)
         return jnp.concatenate([found, given.weight * (logs[places] - given.median)])
@@ -249,19 +248,17 @@ def _compiled(
         value = everything(logs, given)
         return value, value
 
-    @equinox.filter_jit
-    def solve(solver, logs: Array, given: _Given, most_steps: int):
-        return optimistix.least_squares(
-            everything,
-            solver,
-            logs,
-            given,
-            options={"jac": "fwd"},
-            max_steps=most_steps,
-            throw=False,
-        )
+    return _Compiled(everything, jax.jit(jax.jacfwd(with_value, has_aux=True)))
 
-    return _Compiled(everything, jax.jit(jax.jacfwd(with_value, has_aux=True)), solve)
+
+def _tree(values: Array, structure: Any, shapes: tuple[tuple[int, ...], ...]) -> Any:
+    """Values, (P,), in a pytree."""
+    sizes = [math.prod(shape) for shape in shapes]
+    leaves = [
+        values[end - size : end].reshape(shape)
+        for end, size, shape in zip(np.cumsum(sizes), sizes, shapes, strict=True)
+    ]
+    return jax.tree.unflatten(structure, leaves)
 
 
 def pseudo_huber(residuals: Array, longest: float) -> Array:
@@ -270,25 +267,28 @@ def pseudo_huber(residuals: Array, longest: float) -> Array:
     return residuals * jnp.sqrt(2.0 / (1.0 + size))
 
 
-def _starts(first: Array, precision: Array, starts: int, seed: int) -> Array:
+def _starts(first: np.ndarray, precision: np.ndarray, starts: int, seed: int) -> np.ndarray:
     """Logarithms where the searches begin, (S, P)."""
-    spread = jnp.where(precision > 0.0, 1.0 / jnp.sqrt(jnp.maximum(precision, 1e-300)), SPREAD)
-    drawn = jax.random.normal(jax.random.key(seed), (starts - 1, first.size), first.dtype)
-    return jnp.concatenate([first[None], first[None] + spread[None] * drawn])
+    if starts == 1:
+        return first[None]
+    spread = np.where(precision > 0.0, 1.0 / np.sqrt(np.maximum(precision, 1e-300)), SPREAD)
+    drawn = np.asarray(jax.random.normal(jax.random.key(seed), (starts - 1, first.size)))
+    return np.concatenate([first[None], first[None] + spread[None] * drawn])
 
 
-def _half_square(value: Array) -> float:
-    loss = 0.5 * float(value @ value)
+def _half_square(value: np.ndarray) -> float:
+    with np.errstate(over="ignore", invalid="ignore"):
+        loss = 0.5 * float(value @ value)
     return loss if np.isfinite(loss) else np.inf
 
 
 def _search(compiled, given, each, names, optimizer, most_steps, progress, checkpoint):
     """Optax over the logarithms, (S, P), until all are in a valley; they, best losses and runs."""
-    state = jax.vmap(optimizer.init)(each)
+    state = jax.jit(jax.vmap(optimizer.init))(each)
     losses, runs, done = [], 0, 0
     if checkpoint is not None:
         # What no other fit has in common with this one.
-        began = compiled.everything(each[0], given)
+        began = _at(compiled, given, each[0]).value
         runs = 1
         if checkpoint.exists():
             each, losses, runs, done = _resumed(checkpoint, names, each, began)
@@ -304,12 +304,10 @@ def _search(compiled, given, each, names, optimizer, most_steps, progress, check
         )
         return optax.apply_updates(logs, change), state
 
-    # One start is not mapped: a forward model may be slower that way.
-    update = jax.jit(jax.vmap(updated)) if len(each) > 1 else _of_one(jax.jit(updated))
-    linear = partial(compiled.linearised, given=given)
-    linear = jax.jit(jax.vmap(linear)) if len(each) > 1 else _of_one(linear)
+    update = _of_each(jax.jit(updated), len(each))
+    linear = _of_each(partial(compiled.linearised, given=given), len(each))
     found = np.zeros(len(each), bool)
-    sound = each  # where something could be predicted last, or Gauss-Newton leads
+    sound = each.copy()  # where something could be predicted last, or Gauss-Newton leads
     bar = tqdm(range(done, most_steps), desc="search", disable=not progress, leave=False)
     for step in bar:
         jacobian, value = linear(each)
@@ -322,7 +320,7 @@ def _search(compiled, given, each, names, optimizer, most_steps, progress, check
             ahead = _trusted(compiled, given, each[row], jacobian[row], value[row])
             runs += 1
             found[row] = ahead is not None
-            sound = sound.at[row].set(ahead if found[row] else each[row])
+            sound[row] = ahead if found[row] else each[row]
         # From where nothing can be predicted, halfway back to where it could.
         back = 0.5 * (each + sound)
         hopeless = lost & (np.abs(back - sound).max(axis=1) < HOPELESS)
@@ -338,32 +336,36 @@ def _search(compiled, given, each, names, optimizer, most_steps, progress, check
     return sound, losses, runs
 
 
-def _where(rows: np.ndarray, new: Array, old: Array) -> Array:
+def _where(rows: np.ndarray, new: np.ndarray, old: np.ndarray) -> np.ndarray:
     """New where a row is chosen, (S, ...)."""
-    return jnp.where(rows.reshape(-1, *[1] * (jnp.ndim(new) - 1)), new, old)
+    return np.where(rows.reshape(-1, *[1] * (np.ndim(new) - 1)), new, old)
 
 
-def _finite(*arrays: Array) -> bool:
-    return all(bool(jnp.isfinite(one).all()) for one in arrays)
+def _finite(*arrays: np.ndarray) -> bool:
+    return all(bool(np.isfinite(one).all()) for one in arrays)
 
 
-def _of_one(function):
-    """Over a leading axis of one, without mapping."""
+def _of_each(function: Callable, starts: int) -> Callable:
+    """A compiled function over the leading axis of all that it takes and gives, as numpy arrays."""
+    mapped = jax.jit(jax.vmap(function))
 
-    def of_one(*arguments):
+    def of_each(*arguments):
+        if starts > 1:
+            return jax.tree.map(np.asarray, mapped(*arguments))
+        # One start is not mapped: a forward model may be slower that way.
         found = function(*jax.tree.map(lambda leaf: leaf[0], arguments))
-        return jax.tree.map(lambda leaf: leaf[None], found)
+        return jax.tree.map(lambda leaf: np.asarray(leaf)[None], found)
 
-    return of_one
+    return of_each
 
 
-def _resumed(checkpoint: Path, names: tuple[str, ...], each: Array, began: Array):
+def _resumed(checkpoint: Path, names: tuple[str, ...], each: np.ndarray, began: np.ndarray):
     try:
         kept = json.loads(checkpoint.read_text("utf-8"))
-        logs, same = jnp.asarray(kept["logs"], each.dtype), np.asarray(kept["began"], float)
+        logs, same = np.asarray(kept["logs"], float), np.asarray(kept["began"], float)
         if tuple(kept["names"]) != names or logs.shape != each.shape:
             raise ValueError
-        if not np.allclose(same, np.asarray(began), rtol=1e-3, equal_nan=True):
+        if not np.allclose(same, began, rtol=1e-3, equal_nan=True):
             raise ValueError
         return logs, list(kept["losses"]), int(kept["runs"]), int(kept["step"])
     except (ValueError, KeyError, TypeError):
@@ -376,13 +378,13 @@ class _End(NamedTuple):
     """Where a finish ended."""
 
     loss: float
-    logs: Array  # (P,)
-    jacobian: Array  # (M + K, P)
-    value: Array  # (M + K,)
+    logs: np.ndarray  # (P,)
+    jacobian: np.ndarray  # (M + K, P)
+    value: np.ndarray  # (M + K,)
 
 
-def _at(compiled, given, logs: Array) -> _End:
-    jacobian, value = compiled.linearised(logs, given)
+def _at(compiled, given, logs: np.ndarray) -> _End:
+    jacobian, value = map(np.asarray, compiled.linearised(logs, given))
     return _End(_half_square(value), logs, jacobian, value)
 
 
@@ -391,21 +393,42 @@ def _expects_nothing(end: _End) -> bool:
 
 
 def _finish(compiled, given, logs, most_steps) -> tuple[_End, int]:
-    """Levenberg-Marquardt (optimistix), tighter until converged; the end and the runs."""
+    """Levenberg-Marquardt, tighter until converged; the end and the runs."""
     runs = 0
     # At the tighter one it may go on for long in the rounding of a fit that has long converged.
     for tolerance in (1e-3, 1e-6, 1e-9):
-        solver = optimistix.LevenbergMarquardt(rtol=tolerance, atol=tolerance)
-        solution = compiled.solve(solver, logs, given, most_steps)
-        steps = int(solution.stats["num_steps"])
-        runs += steps + 1
-        end = _at(compiled, given, solution.value)
-        if not np.isfinite(end.loss):
-            end = _at(compiled, given, logs)
+        end, steps = _levenberg_marquardt(compiled, given, logs, tolerance, most_steps)
         logs = end.logs
+        runs += steps
         if _expects_nothing(end) or steps == most_steps:
             break
     return end, runs
+
+
+def _levenberg_marquardt(compiled, given, logs, tolerance, most_steps) -> tuple[_End, int]:
+    """Steps (J^T J + damping) step = -J^T r, until one changes neither logarithms nor residuals.
+
+    Returns: the end; the steps, each of one run, of which the first leads to the start.
+    """
+    end, damping, steps = _at(compiled, given, logs), 1.0, 1
+    while steps < most_steps and _finite(end.jacobian, end.value):
+        still = np.zeros_like(end.logs)
+        damped = np.vstack([end.jacobian, np.sqrt(damping) * np.eye(still.size)])
+        step, *_ = np.linalg.lstsq(damped, -np.concatenate([end.value, still]), rcond=None)
+        promised = end.loss - _half_square(end.value + end.jacobian @ step)
+        ahead = _at(compiled, given, end.logs + step)
+        steps += 1
+        gain = end.loss - ahead.loss
+        if not gain >= TAKEN_FROM * promised:
+            damping *= MORE
+            continue
+        if gain > GOOD_FROM * promised > 0.0:
+            damping /= LESS
+        changes = (end.logs, ahead.logs), (end.value, ahead.value)
+        end = ahead
+        if all((np.abs(new - old) < tolerance * (1.0 + np.abs(new))).all() for old, new in changes):
+            break
+    return end, steps
 
 
 def _without_slopes(compiled, given, end: _End) -> tuple[_End, bool, int]:
@@ -435,7 +458,8 @@ def _simplex(compiled, given, end: _End, size: float) -> OptimizeResult:
     to_logs = _standard_errors(end)
 
     def chi_squared(errors: np.ndarray) -> float:
-        return 2.0 * _half_square(compiled.everything(end.logs + to_logs @ errors, given))
+        value = compiled.everything(end.logs + to_logs @ errors, given)
+        return 2.0 * _half_square(np.asarray(value))
 
     corners = size * np.vstack([np.zeros(to_logs.shape[1]), np.eye(to_logs.shape[1])])
     most = MOST_FOR_EACH * corners.shape[1]
@@ -445,11 +469,11 @@ def _simplex(compiled, given, end: _End, size: float) -> OptimizeResult:
     return found
 
 
-def _standard_errors(end: _End) -> Array:
+def _standard_errors(end: _End) -> np.ndarray:
     """Steps of one standard error along all that the data or priors determine, (P, K)."""
-    _, size, directions = np.linalg.svd(np.asarray(end.jacobian), full_matrices=False)
+    _, size, directions = np.linalg.svd(end.jacobian, full_matrices=False)
     seen = size > 1e-10 * size[0]
-    return jnp.asarray(directions[seen].T / size[seen])
+    return directions[seen].T / size[seen]
 
 
 def _jumps(compiled, given, end: _End) -> tuple[bool, int]:
@@ -457,7 +481,7 @@ def _jumps(compiled, given, end: _End) -> tuple[bool, int]:
     errors, changes = _standard_errors(end), []
     for step in ASIDE:
         sides = [
-            [np.asarray(_at(compiled, given, end.logs + sign * step * along).jacobian @ errors)
+            [_at(compiled, given, end.logs + sign * step * along).jacobian @ errors
              for along in errors.T]
             for sign in (1.0, -1.0)
         ]  # fmt: skip
@@ -466,18 +490,17 @@ def _jumps(compiled, given, end: _End) -> tuple[bool, int]:
     return near > 0.6 * far, 4 * errors.shape[1]
 
 
-def _trusted(compiled, given, logs: Array, jacobian: Array, value: Array) -> Array | None:
+def _trusted(compiled, given, logs, jacobian, value) -> np.ndarray | None:
     """Where a Gauss-Newton step leads that brings the decrease it promises, else None; one run."""
     step, gain = _gauss_newton(jacobian, value)
-    ahead = logs + jnp.asarray(step, logs.dtype)
-    decrease = _half_square(value) - _half_square(compiled.everything(ahead, given))
-    return ahead if decrease >= TRUSTED_FROM * 0.5 * gain else None
+    ahead = _at(compiled, given, logs + step)
+    decrease = _half_square(value) - ahead.loss
+    return ahead.logs if decrease >= TRUSTED_FROM * 0.5 * gain else None
 
 
-def _gauss_newton(jacobian: Array, value: Array) -> tuple[np.ndarray, float]:
+def _gauss_newton(jacobian: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, float]:
     """The shortest such step, (P,), and the decrease in the sum of squares that it promises."""
-    jacobian, value = np.asarray(jacobian, float), np.asarray(value, float)
-    if not (np.isfinite(jacobian).all() and np.isfinite(value).all()):
+    if not _finite(jacobian, value):
         return np.zeros(jacobian.shape[1]), np.inf
     step, *_ = np.linalg.lstsq(jacobian, -value, rcond=1e-10)
     return step, float(np.sum((jacobian @ step) ** 2))
@@ -493,14 +516,14 @@ def _names(start: Any) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _prior_arrays(names, values, priors):
+def _prior_arrays(names, priors):
     median = np.array([priors[n].median if n in priors else 1.0 for n in names])
     spread = np.array([priors[n].log_standard_deviation if n in priors else np.inf for n in names])
-    return jnp.asarray(median, values.dtype), jnp.asarray(spread**-2.0, values.dtype)
+    return median, spread**-2.0
 
 
 def _refuse_unusable(names, values, priors) -> None:
-    for name, value in zip(names, np.asarray(values), strict=True):
+    for name, value in zip(names, values, strict=True):
         if not (np.isfinite(value) and value > 0):
             raise ValueError(f"start of {name} = {value}: must be a positive number")
     for name, prior in priors.items():
