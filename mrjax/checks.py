@@ -1,25 +1,17 @@
 """What can be said against a call of `simulate` before it runs; concrete values only."""
 
 import dataclasses
-import math
-from functools import partial
 from numbers import Real
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
+from scipy.spatial import KDTree
 
-from mrjax import neighbours, particle
 from mrjax.box import AXES, Box
 from mrjax.concrete import concrete
 from mrjax.errors import InputError
-from mrjax.neighbours import Plan
 from mrjax.parameters import Parameters
-
-LEAST_SKIN, ROOM_TO_GROW = 2.0**-6, 0.1
-"""In radii: of the list in which contacts are looked for."""
 
 
 def positive(value: ArrayLike, name: str, unit: str) -> float:
@@ -165,11 +157,10 @@ def may_touch(
 ) -> bool:
     """Whether surfaces may come into contact while they approach each other by `travel`, m.
 
-    True where positions, (N, 3) in m, or the travel are traced. `radius` is () or (N,), in m.
-    `diameter`, m, is about the largest contact diameter; calls that share it share a compiled
-    program.
+    True where positions, (N, 3) in m, or the travel are traced or not a number. `radius` is () or
+    (N,), in m; `diameter`, m, is about the largest contact diameter.
     """
-    if position is None or np.isnan(travel):
+    if position is None or np.isnan(travel) or np.isnan(position).any():
         return True
     radius = np.broadcast_to(radius, position.shape[:1])
     for axis in box.walled_axes:
@@ -178,23 +169,18 @@ def may_touch(
             return True
     if len(position) == 1:
         return False
-    unit = diameter / 2
-    skin = 2.0 ** math.ceil(math.log2(max(travel / unit, LEAST_SKIN)))
-    cutoff = 2.0 * max(1.0, float(radius.max()) / unit) + skin
-    if cutoff * unit > min(box.size):
+    reach = max(diameter, 2.0 * float(radius.max())) + travel
+    if reach > min(box.size):
         return True
-    scaled = box.scaled(1 / unit)
-    # Radii a little larger than stated are in reach too, without another program.
-    typical = math.ceil(10.0 * particle.typical_diameter(radius) / unit) / 10.0
-    in_reach = neighbours.plan(scaled, len(position), 2.0, typical, skin + ROOM_TO_GROW)
-    with jax.ensure_compile_time_eval():
-        gap, overflow = _smallest_gap(
-            jnp.asarray(position / unit, float), jnp.asarray(radius / unit), in_reach, scaled
-        )
-    return bool(overflow) or cutoff > in_reach.cutoff or float(gap) * unit <= travel
-
-
-@partial(jax.jit, static_argnames=("plan", "box"))
-def _smallest_gap(position: Array, radius: Array, plan: Plan, box: Box) -> tuple[Array, Array]:
-    listed = neighbours.build(plan, box, position)
-    return neighbours.smallest_gap(listed, radius), listed.overflow
+    side = np.where(box.periodic, box.size, 0.0)  # no side for axes that end in walls
+    wrapped = np.asarray(position, float)
+    wrapped = wrapped - side * np.floor(wrapped / np.where(side > 0.0, side, np.inf))
+    wrapped = np.where((side > 0.0) & (wrapped >= side), 0.0, wrapped)  # by rounding
+    tree = KDTree(wrapped, boxsize=side)
+    distance, partner = tree.query(wrapped, k=2)
+    if np.any(distance[:, 1] - radius - radius[partner[:, 1]] <= travel):
+        return True
+    # Of unequal spheres the nearest need not be the first to touch; here few others are in reach.
+    near = tree.sparse_distance_matrix(tree, reach, output_type="ndarray")
+    near = near[near["i"] < near["j"]]
+    return bool(np.any(near["v"] - radius[near["i"]] - radius[near["j"]] <= travel))
