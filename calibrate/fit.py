@@ -305,7 +305,8 @@ def _search(compiled, given, each, names, optimizer, most_steps, progress, check
         return optax.apply_updates(logs, change), state
 
     update = _of_each(jax.jit(updated), len(each))
-    linear = _of_each(partial(compiled.linearised, given=given), len(each))
+    # By name, the data would be another call to JAX, and compiled again.
+    linear = _of_each(lambda logs: compiled.linearised(logs, given), len(each))
     found = np.zeros(len(each), bool)
     sound = each.copy()  # where something could be predicted last, or Gauss-Newton leads
     bar = tqdm(range(done, most_steps), desc="search", disable=not progress, leave=False)
