@@ -48,9 +48,7 @@ def disperse(recipe: Recipe, seed: int = 0, *, dtype: DTypeLike = float) -> Stat
     particles = recipe.particle_count
     radius = np.broadcast_to(np.asarray(particle.outer_radius(parameters)), (particles,))
     unit = float(radius.max())
-    position = _spread(
-        jax.random.key(seed), recipe.box.scaled(1 / unit), jnp.asarray(radius / unit)
-    )
+    position = _spread(jax.random.key(seed), recipe.box.scaled(1 / unit), radius / unit)
     if position is None:
         size = " x ".join(f"{1e6 * length:.3g}" for length in recipe.box.size)
         raise InputError(
@@ -61,24 +59,19 @@ def disperse(recipe: Recipe, seed: int = 0, *, dtype: DTypeLike = float) -> Stat
     return place(position * unit, contact_diameter=2 * unit, dtype=dtype)
 
 
-def _spread(key: Array, box: Box, radius: Array) -> Array | None:
+def _spread(key: Array, box: Box, radius: np.ndarray) -> np.ndarray | None:
     """Centres of spheres that do not touch, (N, 3); None where none were found."""
-    size = jnp.asarray(box.size)
-    margin = jnp.where(jnp.asarray(box.periodic), 0.0, 1.0)
-    room = jax.random.uniform(key, (radius.shape[0], 3), radius.dtype)
-    position = margin[None, :] * radius[:, None] + room * (
-        size[None, :] - 2.0 * margin[None, :] * radius[:, None]
-    )
-    plan = neighbours.plan(
-        box, radius.shape[0], 2.0, particle.typical_diameter(np.asarray(radius)), SKIN
-    )
+    margin = np.where(box.periodic, 0.0, radius[:, None])
+    room = np.asarray(jax.random.uniform(key, (radius.size, 3), radius.dtype))
+    position = margin + room * (np.asarray(box.size, radius.dtype) - 2.0 * margin)
+    plan = neighbours.plan(box, radius.size, 2.0, particle.typical_diameter(radius), SKIN)
     for _ in range(MOST_REBUILDS):
         while True:
             moved, gap, overflow = _relax(position, radius, box, plan)
             if not int(overflow):
                 break
-            plan = plan.grown(int(overflow), radius.shape[0])
-        position = moved
+            plan = plan.grown(int(overflow), radius.size)
+        position = np.asarray(moved)
         if float(gap) > 0.1 * CLEARANCE:
             return position
     return None

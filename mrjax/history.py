@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array, lax
 
 from mrjax.pairs import Pairs
@@ -114,8 +115,9 @@ def recalled(
       unit_length: of the memory, m.
     """
     if contacts is None:
-        contacts = Contacts(jnp.zeros((like.shape[0], 0), jnp.int32), None, None)
-    contacts = widened(contacts, slots)
+        contacts = Contacts(np.full((like.shape[0], slots), NOBODY, np.int32), None, None)
+    else:
+        contacts = widened(contacts, slots)
 
     def vector(rows: Array | None, unit: float) -> Vector:
         if rows is None:

@@ -155,6 +155,8 @@ def largest_stable_step(
 
     They carry a column of particles as high as the box, or meet at twice the greatest speed.
     """
+    if np.isnan(speed):
+        return np.nan
     load = np.asarray(particle.net_weight(numbers)) * max(1.0, box.height / diameter)
     overlap = float(timestep.expected_overlap(numbers, np.max(load), 2.0 * speed))
     step = float(timestep.largest_stable_step(numbers, overlap, arrangement))

@@ -74,7 +74,7 @@ def place(
         )
 
     def like_positions(name: str, values: ArrayLike | None) -> Array:
-        array = jnp.zeros_like(position) if values is None else jnp.asarray(values, dtype)
+        array = jnp.asarray(np.zeros(position.shape) if values is None else values, dtype)
         if array.shape != position.shape:
             raise InputError(
                 f"{name} have shape {array.shape}; give the shape of the positions, "
