@@ -38,6 +38,15 @@ predictions are not a number while a fit traces them, and its search turns back.
 FEWEST_RELAXATIONS = 10.0
 """Of a run that is asked for a velocity: the start is forgotten to 5e-5."""
 
+WITHOUT_CONTACTS = {
+    "friction": 0.0,
+    "rolling_friction": 0.0,
+    "restitution": 1.0,
+    "dissipation": 0.0,
+    "tangential_dissipation": 0.0,
+}
+"""Of particles that meet nothing."""
+
 TIME_SCALES = ("f_w", "f_s", "f_v", "viscosity", "gravity", "particle_density", "fluid_density")
 """What changes the speed of an overdamped settling suspension and not its path."""
 
@@ -151,8 +160,8 @@ def particles(
                 f"sample {sample.name!r}: particles relax {slowest / relaxation:.3g} times more "
                 "slowly than where this model was prepared; prepare it near these values"
             )
-        if apart:  # friction would change nothing, and take twice as long to compile
-            parameters = parameters.replace(friction=0.0, rolling_friction=0.0)
+        if apart:  # what acts in contacts alone would change nothing, and take long to compile
+            parameters = parameters.replace(**WITHOUT_CONTACTS)
         run = mrjax.simulate(
             state,
             parameters,
