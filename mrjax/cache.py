@@ -16,11 +16,16 @@ MOST_BYTES = 2**28
 
 
 def keep() -> None:
-    """Has JAX keep what it compiles from here on, unless the environment says where, or not to.
+    """Has JAX keep what it compiles from here on, unless the environment says not to.
 
-    A folder that cannot be written to is no fault: programs are then compiled at every start.
+    It may also say where. A folder that cannot be written to is no fault: programs are then
+    compiled at every start.
     """
-    if jax.config.jax_compilation_cache_dir or not jax.config.jax_enable_compilation_cache:
+    if not jax.config.jax_enable_compilation_cache:
+        return
+    # Most programs are small, and many.
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    if jax.config.jax_compilation_cache_dir:
         return
     folder = platformdirs.user_cache_path("mrjax", appauthor=False) / _machine()
     try:
@@ -34,7 +39,6 @@ def keep() -> None:
     warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache")
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_compilation_cache_max_size", MOST_BYTES)
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 
 def _machine() -> str:

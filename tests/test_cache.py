@@ -86,6 +86,8 @@ def test_scripts_are_hushed_like_modules(tmp_path, name):
 def test_the_environment_decides(tmp_path, name, value):
     start(*SHORT, folder=tmp_path, **{name: value})
     assert not (tmp_path / "home").exists()
+    kept = len(list((tmp_path / "mine").glob("*-cache")))
+    assert kept > 20 if value == "mine" else kept == 0
 
 
 @linux
