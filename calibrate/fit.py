@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 from jax import Array
-from scipy.optimize import OptimizeResult, minimize
+from scipy.optimize import OptimizeResult, least_squares, minimize
 from tqdm import tqdm
 
 from mrjax import files
@@ -38,11 +38,6 @@ SIMPLEX, SIMPLEX_ENDS = 0.5, 0.03
 TRUSTED_FROM = 0.25
 """Part of the decrease that a Gauss-Newton step promises which it must bring for the search to have
 found the valley."""
-TAKEN_FROM, GOOD_FROM = 0.01, 0.99
-"""Part of the decrease that a damped step promises which it must bring to be taken, and for the
-next to be damped less."""
-LESS, MORE = 3.5, 4.0
-"""By how much less and more a step is damped (Gould et al. 2005)."""
 MOST_FOR_EACH = 50
 """Most runs of a simplex, for each value."""
 AGAIN = 10
@@ -394,42 +389,36 @@ def _expects_nothing(end: _End) -> bool:
 
 
 def _finish(compiled, given, logs, most_steps) -> tuple[_End, int]:
-    """Levenberg-Marquardt, tighter until converged; the end and the runs."""
-    runs = 0
+    """Levenberg-Marquardt (scipy), tighter until converged; the end and the runs."""
+    runs, end = 1, _at(compiled, given, logs)
+    # MINPACK wants as many residuals as values.
+    spare = np.zeros((max(0, logs.size - end.value.size), 1 + logs.size))
+
+    def at(logs: np.ndarray) -> _End:
+        nonlocal runs, last
+        if not np.array_equal(last.logs, logs):
+            runs, last = runs + 1, _at(compiled, given, logs.copy())
+        return last
+
     # At the tighter one it may go on for long in the rounding of a fit that has long converged.
-    for tolerance in (1e-3, 1e-6, 1e-9):
-        end, steps = _levenberg_marquardt(compiled, given, logs, tolerance, most_steps)
-        logs = end.logs
-        runs += steps
-        if _expects_nothing(end) or steps == most_steps:
+    for tolerance in (1e-6, 1e-9):
+        if not _finite(end.jacobian, end.value):
+            break
+        last = end
+        found = least_squares(
+            lambda logs: np.append(at(logs).value, spare[:, 0]),
+            end.logs,
+            lambda logs: np.vstack([at(logs).jacobian, spare[:, 1:]]),
+            method="lm",
+            ftol=tolerance,
+            xtol=tolerance,
+            gtol=tolerance,
+            max_nfev=most_steps,
+        )
+        end = at(found.x)
+        if _expects_nothing(end) or not found.success:
             break
     return end, runs
-
-
-def _levenberg_marquardt(compiled, given, logs, tolerance, most_steps) -> tuple[_End, int]:
-    """Steps (J^T J + damping) step = -J^T r, until one changes neither logarithms nor residuals.
-
-    Returns: the end; the steps, each of one run, of which the first leads to the start.
-    """
-    end, damping, steps = _at(compiled, given, logs), 1.0, 1
-    while steps < most_steps and _finite(end.jacobian, end.value):
-        still = np.zeros_like(end.logs)
-        damped = np.vstack([end.jacobian, np.sqrt(damping) * np.eye(still.size)])
-        step, *_ = np.linalg.lstsq(damped, -np.concatenate([end.value, still]), rcond=None)
-        promised = end.loss - _half_square(end.value + end.jacobian @ step)
-        ahead = _at(compiled, given, end.logs + step)
-        steps += 1
-        gain = end.loss - ahead.loss
-        if not gain >= TAKEN_FROM * promised:
-            damping *= MORE
-            continue
-        if gain > GOOD_FROM * promised > 0.0:
-            damping /= LESS
-        changes = (end.logs, ahead.logs), (end.value, ahead.value)
-        end = ahead
-        if all((np.abs(new - old) < tolerance * (1.0 + np.abs(new))).all() for old, new in changes):
-            break
-    return end, steps
 
 
 def _without_slopes(compiled, given, end: _End) -> tuple[_End, bool, int]:
