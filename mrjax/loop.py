@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
+from math import prod
 
 import jax
 import jax.numpy as jnp
@@ -28,18 +29,18 @@ class Leaf:
     """An array that a loop reads or writes."""
 
     kind: Kind
-    rows: int | None  # C of an array (C, N), (C, P) or (C,); None of (N,), (P,) or ()
+    rows: tuple[int, ...]  # (C,) of an array (C, N), (C, P) or (C,); () of (N,), (P,) or ()
     dtype: str
 
     @property
     def width(self) -> int:
         """Numbers for one particle or pair."""
-        return 1 if self.rows is None else self.rows
+        return prod(self.rows)
 
     def shape(self, particles: int, pairs: int) -> tuple[int, ...]:
         """Of the array, for N particles and room for P pairs."""
-        rows = () if self.rows is None else (self.rows,)
-        return rows + {Kind.PARTICLE: (particles,), Kind.PAIR: (pairs,), Kind.ALL: ()}[self.kind]
+        own = {Kind.PARTICLE: (particles,), Kind.PAIR: (pairs,), Kind.ALL: ()}[self.kind]
+        return self.rows + own
 
 
 Place = tuple[int, int, bool]
@@ -75,7 +76,7 @@ class Loop:
         law: Callable,
         touching: Callable,
         inputs: tuple[Leaf, ...],
-        results: list[tuple[Kind, int | None]],
+        results: list[tuple[Kind, tuple[int, ...]]],
         replaced: tuple[int, ...] = (),
     ) -> "Loop":
         """From functions of scalars to lists of them.
@@ -210,7 +211,7 @@ class Loop:
         """For so many sets of linear inputs at once: their rows, and the outputs', set after set.
 
         Args:
-          times: T, of an input (C, N) to (T C, N).
+          times: T, of an input (C, N) to (T, C, N).
           several: for each linear input whether there are many, or one that serves all.
         """
         law = jaxpr_as_fun(self.law)
@@ -218,7 +219,7 @@ class Loop:
         count = len(places(fixed))
 
         def many(leaf: Leaf) -> Leaf:
-            return Leaf(leaf.kind, times * leaf.width, leaf.dtype)
+            return Leaf(leaf.kind, (times, *leaf.rows), leaf.dtype)
 
         wide = tuple(many(leaf) if of else leaf for leaf, of in zip(linear, several, strict=True))
         outputs = tuple(many(leaf) for leaf in self.outputs)
@@ -254,10 +255,11 @@ class Loop:
 
         def gathered(place: Place):
             n, row, of_second = place
-            array = leaves[n] if self.inputs[n].rows is None else leaves[n][row]
-            if self.inputs[n].kind is Kind.ALL:
+            leaf = self.inputs[n]
+            array = leaves[n].reshape(leaf.width, *leaves[n].shape[len(leaf.rows) :])[row]
+            if leaf.kind is Kind.ALL:
                 return jnp.broadcast_to(array, first.shape)
-            if self.inputs[n].kind is Kind.PAIR:
+            if leaf.kind is Kind.PAIR:
                 return array
             return jnp.where(wall, 0, array[second]) if of_second else array[first]
 
@@ -267,7 +269,7 @@ class Loop:
         values = jax.vmap(jaxpr_as_fun(self.law))(*scalars)
         shapes = [leaf.shape(particles, len(first)) for leaf in self.outputs]
         results = [
-            jnp.zeros(shape if leaf.rows is not None else (1, *shape), leaf.dtype)
+            jnp.zeros((leaf.width, *shape[len(leaf.rows) :]), leaf.dtype)
             for shape, leaf in zip(shapes, self.outputs, strict=True)
         ]
         for (n, row, of_second), value in zip(places(self.outputs), values, strict=True):
@@ -280,10 +282,7 @@ class Loop:
             else:
                 at = jnp.where(wall, particles, second) if of_second else first
                 results[n] = results[n].at[row, at].add(value, mode="drop")
-        return [
-            result[0] if leaf.rows is None else result
-            for result, leaf in zip(results, self.outputs, strict=True)
-        ]
+        return [result.reshape(shape) for result, shape in zip(results, shapes, strict=True)]
 
 
 def _traced(function, scalars: list[jax.ShapeDtypeStruct]) -> ClosedJaxpr:

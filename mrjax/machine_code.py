@@ -108,7 +108,7 @@ def _module(loop: Loop, parts: int) -> ir.Module:
         for buffer, leaf in zip(buffers[3:], loop.inputs + loop.outputs, strict=False)
         if leaf.kind is Kind.PARTICLE
     )
-    particles = of_particles.size(0 if leaf.rows is None else 1)
+    particles = of_particles.size(len(leaf.rows))
     room, data = buffers[0].size(0), [buffer.data for buffer in buffers]
     listed = build.sext(build.load(data[2], typ=INT), LONG)
     listed = build.select(build.icmp_signed("<", listed, room), listed, room)

@@ -59,12 +59,12 @@ def pairwise(
     inputs = tuple(
         Leaf(
             kind,
-            array.shape[0] if array.ndim == 1 + (kind is not Kind.ALL) else None,
+            array.shape[: array.ndim - (kind is not Kind.ALL)],
             array.dtype.name,
         )
         for kind, array in zip(kinds, given, strict=True)
     )
-    results: list[tuple[Kind, int | None]] = []
+    results: list[tuple[Kind, tuple[int, ...]]] = []
     dtype = given[0].dtype
 
     def arranged(scalars):
@@ -72,7 +72,7 @@ def pairwise(
         firsts, seconds, pairs, everything = [], [], [], []
 
         def taken(leaf: Leaf):
-            return next(left) if leaf.rows is None else tuple(next(left) for _ in range(leaf.rows))
+            return tuple(next(left) for _ in range(leaf.width)) if leaf.rows else next(left)
 
         for leaf in inputs:
             if leaf.kind is Kind.PARTICLE:
@@ -108,8 +108,8 @@ def pairwise(
     return found[:sums], found[sums:]
 
 
-def _rows(value) -> int | None:
-    return len(value) if isinstance(value, tuple) else None
+def _rows(value) -> tuple[int, ...]:
+    return (len(value),) if isinstance(value, tuple) else ()
 
 
 def _scalars(value, dtype) -> list[Array]:
@@ -180,17 +180,9 @@ def _batched(operands, axes, *, loop: Loop):
             lambda members: pairwise_p.bind(*_filled(operands, several, members), loop=loop),
             [operand for operand, of in zip(operands, several, strict=True) if of],
         )
-        return found, [0] * len(found)
-    wide = [
-        operand.reshape(-1, *operand.shape[1 if leaf.rows is None else 2 :]) if of else operand
-        for operand, of, leaf in zip(operands[fixed:], several[fixed:], loop.changes, strict=True)
-    ]
-    together = loop.repeated(size, tuple(several[fixed:]))
-    found = pairwise_p.bind(*operands[:fixed], *wide, loop=together)
-    found = [
-        rows if leaf.rows is None else rows.reshape(size, leaf.rows, *rows.shape[1:])
-        for rows, leaf in zip(found, loop.outputs, strict=True)
-    ]
+    else:
+        together = loop.repeated(size, tuple(several[fixed:]))
+        found = pairwise_p.bind(*operands, loop=together)
     return found, [0] * len(found)
 
 
