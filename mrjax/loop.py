@@ -183,6 +183,25 @@ class Loop:
         )
         return loop, tuple(some)
 
+    def with_change(self, change: "Loop") -> "Loop":
+        """This and its `tangent`, repeated or not, as one loop, for the operands of the tangent.
+
+        Both read and work out much that is the same, which is then done once.
+        """
+        own, other, count = jaxpr_as_fun(self.law), jaxpr_as_fun(change.law), len(self.scalars)
+
+        def both(*scalars):
+            return [*own(*scalars[:count]), *other(*scalars)]
+
+        return Loop(
+            _traced(both, change.scalars),
+            self.touching,
+            change.inputs,
+            self.outputs + change.outputs,
+            in_place=self.in_place
+            + tuple((given, len(self.outputs) + taken) for given, taken in change.in_place),
+        )
+
     def transposed(self, live: tuple[int, ...]) -> "Loop":
         """Backwards: cotangents of the outputs `live` to those of the linear inputs."""
         law = jaxpr_as_fun(self.law)

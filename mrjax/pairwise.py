@@ -11,8 +11,8 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 from jax.core import ShapedArray
-from jax.extend.core import Primitive
-from jax.interpreters import ad, batching, mlir
+from jax.extend.core import Literal, Primitive
+from jax.interpreters import ad, batching, mlir, partial_eval
 from jax.typing import ArrayLike
 
 from mrjax import machine_code
@@ -137,15 +137,14 @@ def _shapes(first, second, count, *leaves, loop: Loop):
 
 
 def _jvp(primals, tangents, *, loop: Loop):
-    found = pairwise_p.bind(*primals, loop=loop)
     live = tuple(i for i, t in enumerate(tangents[3:]) if not isinstance(t, ad.Zero))
-    zeros = [ad.Zero(ShapedArray(value.shape, value.dtype)) for value in found]
-    if not live:
-        return found, zeros
-    tangent, changed = loop.tangent(live)
+    zeros = [ad.Zero(aval) for aval in _shapes(*primals, loop=loop)]
+    tangent, changed = loop.tangent(live) if live else (None, ())
     if not changed:
-        return found, zeros
-    moved = pairwise_p.bind(*primals, *(tangents[3 + i] for i in live), loop=tangent)
+        return pairwise_p.bind(*primals, loop=loop), zeros
+    operands = *primals, *(tangents[3 + i] for i in live)
+    both = with_change_p.bind(*operands, loop=loop, change=tangent)
+    found, moved = both[: len(zeros)], both[len(zeros) :]
     for index, change in zip(changed, moved, strict=True):
         zeros[index] = change
     return found, zeros
@@ -164,31 +163,117 @@ def _transpose(cotangents, *operands, loop: Loop):
 
 
 def _batched(operands, axes, *, loop: Loop):
-    fixed = len(operands) - loop.linear
-    (size,) = {
-        operand.shape[axis]
-        for operand, axis in zip(operands, axes, strict=True)
-        if axis is not batching.not_mapped
-    }
-    several = [axis is not batching.not_mapped for axis in axes]
-    operands = [
-        jnp.moveaxis(operand, axis, 0) if of else operand
-        for operand, axis, of in zip(operands, axes, several, strict=True)
-    ]
-    if any(several[:fixed]) or size > AT_ONCE:
+    operands, several = _in_front(operands, axes)
+    together = _together(operands, several, loop)
+    if together is not None:
+        found = pairwise_p.bind(*operands, loop=together)
+    else:
         found = lax.map(
             lambda members: pairwise_p.bind(*_filled(operands, several, members), loop=loop),
             [operand for operand, of in zip(operands, several, strict=True) if of],
         )
-    else:
-        together = loop.repeated(size, tuple(several[fixed:]))
-        found = pairwise_p.bind(*operands, loop=together)
     return found, [0] * len(found)
+
+
+def _in_front(operands, axes) -> tuple[list, list[bool]]:
+    """With the axis of the members first where there are several, and where that is."""
+    several = [axis is not batching.not_mapped for axis in axes]
+    moved = [
+        jnp.moveaxis(operand, axis, 0) if of else operand
+        for operand, axis, of in zip(operands, axes, several, strict=True)
+    ]
+    return moved, several
+
+
+def _together(operands: list, several: list[bool], loop: Loop) -> Loop | None:
+    """One loop for all members, which must not be many, and differ in the changes only."""
+    fixed = len(operands) - loop.linear
+    size = len(operands[several.index(True)])
+    if any(several[:fixed]) or size > AT_ONCE:
+        return None
+    return loop.repeated(size, tuple(several[fixed:]))
 
 
 def _filled(operands: list, several: list[bool], members: list) -> list:
     left = iter(members)
     return [next(left) if of else operand for operand, of in zip(operands, several, strict=True)]
+
+
+with_change_p = Primitive("pairwise_with_change")
+"""What a loop gives, and its change, as forward mode needs them: cheaper than one after the other.
+
+Where a derivative is split into what is known and what is linear in the changes, as reverse mode
+does, it falls apart into the two operations of which it is made.
+"""
+with_change_p.multiple_results = True
+
+
+@partial(jax.jit, static_argnames=("loop", "change"))
+def _both_alone(*operands: Array, loop: Loop, change: Loop) -> list[Array]:
+    return with_change_p.bind(*operands, loop=loop, change=change)
+
+
+with_change_p.def_impl(_both_alone)
+
+
+@with_change_p.def_abstract_eval
+def _both_shapes(*operands, loop: Loop, change: Loop):
+    return _shapes(*operands, loop=loop) + _shapes(*operands, loop=change)
+
+
+def _both_in_arrays(*operands, loop: Loop, change: Loop) -> list[Array]:
+    return loop.in_arrays(*operands[: -change.linear]) + change.in_arrays(*operands)
+
+
+def _both_jvp(primals, tangents, *, loop: Loop, change: Loop):
+    of_loop = _jvp(primals[: -change.linear], tangents[: -change.linear], loop=loop)
+    of_change = _jvp(primals, tangents, loop=change)
+    return tuple([*one, *other] for one, other in zip(of_loop, of_change, strict=True))
+
+
+def _both_batched(operands, axes, *, loop: Loop, change: Loop):
+    operands, several = _in_front(operands, axes)
+    alone, count = operands[: -change.linear], len(loop.outputs)
+    together = _together(operands, several, change)
+    if together is not None:
+        found = with_change_p.bind(*operands, loop=loop, change=together)
+        return found, [batching.not_mapped] * count + [0] * (len(found) - count)
+    axes = [0 if of else batching.not_mapped for of in several]
+    if any(several[: -change.linear]):
+        found, at = _batched(alone, axes[: -change.linear], loop=loop)
+    else:
+        found, at = pairwise_p.bind(*alone, loop=loop), [batching.not_mapped] * count
+    moved, there = _batched(operands, axes, loop=change)
+    return [*found, *moved], [*at, *there]
+
+
+def _both_split(trace, *tracers, loop: Loop, change: Loop):
+    """The loop where its operands are known, and the change still to be transposed."""
+    found = trace.process_primitive(pairwise_p, tracers[: -change.linear], {"loop": loop})
+    return [*found, *trace.process_primitive(pairwise_p, tracers, {"loop": change})]
+
+
+def _both_remembered(saveable, unknown, present, equation):
+    """Under `jax.checkpoint`: the loop at once, and both when they are needed again."""
+    loop, change = equation.params["loop"], equation.params["change"]
+    count, known = len(loop.outputs), None
+    later = [any(unknown)] * len(equation.outvars)
+    if not any(unknown):
+        known = equation
+    elif not any(unknown[: -change.linear]):
+        known = equation.replace(
+            primitive=pairwise_p,
+            params={"loop": loop},
+            invars=equation.invars[: -change.linear],
+            outvars=equation.outvars[:count],
+        )
+        later[:count] = [False] * count
+    kept = [
+        operand
+        for operand, there in zip(equation.invars, present, strict=True)
+        if not there and not isinstance(operand, Literal)
+    ]
+    return known, equation, later, [True] * len(later), kept
 
 
 def _compiled(context, *operands, loop: Loop):
@@ -214,3 +299,16 @@ mlir.register_lowering(
     mlir.lower_fun(lambda *operands, loop: loop.in_arrays(*operands), multiple_results=True),
 )
 mlir.register_lowering(pairwise_p, _compiled, platform="cpu")
+
+ad.primitive_jvps[with_change_p] = _both_jvp
+batching.primitive_batchers[with_change_p] = _both_batched
+partial_eval.custom_partial_eval_rules[with_change_p] = _both_split
+partial_eval.partial_eval_jaxpr_custom_rules[with_change_p] = _both_remembered
+mlir.register_lowering(with_change_p, mlir.lower_fun(_both_in_arrays, multiple_results=True))
+mlir.register_lowering(
+    with_change_p,
+    lambda context, *operands, loop, change: _compiled(
+        context, *operands, loop=loop.with_change(change)
+    ),
+    platform="cpu",
+)

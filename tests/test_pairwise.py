@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.extend.core import Primitive
-from jax.interpreters import ad, batching, mlir
+from jax.interpreters import ad, batching, mlir, partial_eval
 
 import mrjax
 from mrjax import forces, neighbours, pairs
@@ -29,13 +29,14 @@ BOTH = ("float64", "float32")
 
 
 @contextmanager
-def standing_in(primitive):
-    """Every loop that is met meanwhile goes to another primitive."""
-    kept, operation.pairwise_p = operation.pairwise_p, primitive
+def standing_in(primitive, with_change=None):
+    """Every loop that is met meanwhile goes to another primitive, also beside its change."""
+    kept = operation.pairwise_p, operation.with_change_p
+    operation.pairwise_p, operation.with_change_p = primitive, with_change
     try:
         yield
     finally:
-        operation.pairwise_p = kept
+        operation.pairwise_p, operation.with_change_p = kept
 
 
 class Arrays:
@@ -56,20 +57,36 @@ def by_arrays(function):
     return evaluated
 
 
-elsewhere = Primitive("pairwise_elsewhere")
-elsewhere.multiple_results = True
-elsewhere.def_abstract_eval(operation._shapes)
-ad.primitive_jvps[elsewhere] = operation._jvp
+def not_compiled(name, shapes, by_arrays, jvp, batched) -> Primitive:
+    """An operation of gathers and scatters on every platform."""
+    primitive = Primitive(name)
+    primitive.multiple_results = True
+    primitive.def_abstract_eval(shapes)
+    ad.primitive_jvps[primitive] = jvp
+    batching.primitive_batchers[primitive] = batched
+    mlir.register_lowering(primitive, mlir.lower_fun(by_arrays, multiple_results=True))
+    return primitive
+
+
+elsewhere = not_compiled(
+    "pairwise_elsewhere", operation._shapes, Arrays.bind, operation._jvp, operation._batched
+)
 ad.primitive_transposes[elsewhere] = operation._transpose
-batching.primitive_batchers[elsewhere] = operation._batched
-mlir.register_lowering(elsewhere, mlir.lower_fun(Arrays.bind, multiple_results=True))
+both_elsewhere = not_compiled(
+    "both_elsewhere",
+    operation._both_shapes,
+    operation._both_in_arrays,
+    operation._both_jvp,
+    operation._both_batched,
+)
+partial_eval.custom_partial_eval_rules[both_elsewhere] = operation._both_split
 
 
 def on_another_processor(function):
     """The same function, a derivative maybe, with the loops it has, but none of them compiled."""
 
     def evaluated(*arguments):
-        with standing_in(elsewhere):
+        with standing_in(elsewhere, both_elsewhere):
             return jax.jit(lambda *of: function(*of))(*arguments)
 
     return evaluated
@@ -539,6 +556,115 @@ def test_what_nothing_moves_has_no_derivative():
         lambda value: jax.jvp(lambda of: followed(jax.lax.stop_gradient(of)), (value,), (value,))
     )(value)
     assert str(stopped).count("pairwise") == 1
+
+
+# --- a loop beside its change ---------------------------------------------------------------------
+
+
+def followed(wrapped=lambda step: step):
+    """A number after three steps of a scan, each of them wrapped."""
+
+    def after(place, weight):
+        others = arguments()[2:]
+
+        @wrapped
+        def step(place, weight):
+            force, *_ = of_all_kinds(place, weight, *others)
+            return place + 0.1 * force * weight[None], jnp.cos(weight)
+
+        def carried(carry, _):
+            return step(*carry), None
+
+        (place, weight), _ = jax.lax.scan(carried, (place, weight), length=3)
+        return jnp.sum(place**2) + jnp.sum(weight)
+
+    return after
+
+
+def only_sometimes(step):
+    def either(place, weight):
+        return jax.lax.cond(jnp.sum(weight) > 0.0, step, lambda *of: of, place, weight)
+
+    return either
+
+
+WRAPPED = {
+    "plain": followed(),
+    "jit": followed(jax.jit),
+    "checkpoint": followed(jax.checkpoint),
+    "kept": followed(partial(jax.checkpoint, policy=jax.checkpoint_policies.everything_saveable)),
+    "cond": followed(only_sometimes),
+    # A new one each time: it remembers what it has traced, gathers and scatters too.
+    "outside": lambda *given: jax.checkpoint(followed())(*given),
+    "twice": lambda *given: jax.checkpoint(followed(jax.checkpoint))(*given),
+}
+BOTH_ARGUMENTS = (0, 1)
+
+
+@pytest.mark.parametrize("name", WRAPPED)
+def test_one_loop_forwards_and_two_backwards(name):
+    """What is known and what is linear in changes fall apart wherever reverse mode meets them."""
+    given = arguments()[:2]
+
+    def along_both(function):
+        return lambda *given: jax.jvp(function, given, given)
+
+    def gradient(function):
+        return jax.grad(function, BOTH_ARGUMENTS)
+
+    def along_three(function):
+        each = along(BOTH_ARGUMENTS)(function)
+        changes = [jnp.stack([of, -of, 2.0 * of]) for of in given]
+        return lambda *given: jax.vmap(each, (None, 0))(given, changes)
+
+    for transform, loops in ((along_both, 1), (along_three, 1), (gradient, 2)):
+        compare_derivative(transform, WRAPPED[name], *given)
+        assert len(set(names_of_loops(transform(WRAPPED[name]), *given))) == loops
+    backwards = str(jax.make_jaxpr(gradient(WRAPPED[name]))(*given))
+    assert "pairwise[" in backwards and "pairwise_with_change" not in backwards
+
+
+@pytest.mark.parametrize("name", ["plain", "checkpoint", "outside"])
+def test_derivatives_of_derivatives_in_a_scan(name):
+    """Forwards over backwards, backwards over forwards, and both of several at once."""
+    place, weight = arguments()[:2]
+
+    def slope(function):
+        return lambda *given: jax.jvp(function, given, given)[1]
+
+    def changed(function):
+        return slope(lambda *of: jnp.sum(jax.grad(function)(*of) ** 2))
+
+    def of_changes(function):
+        return jax.grad(slope(function), BOTH_ARGUMENTS)
+
+    for transform in (changed, of_changes):
+        compare_derivative(transform, WRAPPED[name], place, weight, roundings=1e4)
+    several = jnp.stack([place, 0.9 * place, 1.1 * place])
+    for transform in (slope, of_changes):
+        compare_derivative(
+            lambda function, of=transform: jax.vmap(of(function), (0, None)),
+            WRAPPED[name],
+            several,
+            weight,
+            roundings=1e4,
+        )
+
+
+def test_the_change_alone_can_be_transposed():
+    given = arguments()
+
+    def pulled(function):
+        def back(*given):
+            def pushed(change):
+                return jax.jvp(lambda place: function(place, *given[1:]), given[:1], (change,))[1]
+
+            (found,) = jax.linear_transpose(pushed, given[0])(1.0)
+            return found
+
+        return back
+
+    compare_derivative(pulled, scalar, *given)
 
 
 # --- the compiled loop ----------------------------------------------------------------------------
