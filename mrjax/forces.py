@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jax import Array
+from jax import Array, lax
 from jax.core import Tracer
 
 from mrjax import contact, friction, history, particle, rolling, surfaces
@@ -116,7 +116,8 @@ def total(
             force, turning, new = _contact(meeting, of_pair, memory, laws, time_step)
             mine, theirs = ([], []) if turning is None else ([turning[0]], [turning[1]])
             kept = [of for of in (new.sliding, new.rolling) if of is not None]
-            return [force, *mine], [times(-1.0, force), *theirs], [*kept, meeting.overlap]
+            overlap = lax.stop_gradient(meeting.overlap)  # to look at: no force reads it
+            return [force, *mine], [times(-1.0, force), *theirs], [*kept, overlap]
 
         def loads(displacement, velocity, spin, memory: Memory) -> Loads:
             before = [of for of in (memory.sliding, memory.rolling) if of is not None]
