@@ -15,7 +15,7 @@ from mrjax.errors import InputError, SimulationError
 UNTRUSTED, WRONG_INPUT, INTERRUPTED = 1, 2, 130
 """Exit statuses beside 0."""
 
-PACKAGES = ("mrjax", "jax", "jaxlib", "jax-md", "optax", "optimistix", "scipy", "numpy")
+PACKAGES = ("mrjax", "jax", "jaxlib", "jax-md", "optax", "scipy", "numpy")
 
 
 def out_option(default: str) -> Callable:

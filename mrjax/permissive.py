@@ -7,6 +7,6 @@ import jax
 
 @contextmanager
 def permissive():
-    """JAX's default promotion of dtypes and ranks, for calls into jax-md, optax and optimistix."""
+    """JAX's default promotion of dtypes and ranks, for calls into jax-md and optax."""
     with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
         yield
