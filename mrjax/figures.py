@@ -64,7 +64,7 @@ def sedimentation(whole: Sedimentation) -> Figure:
     figure = Figure(figsize=(7.0, 3.0), layout="constrained")
     curve, profile = figure.subplots(1, 2)
     if len(ratio) > 1:
-        curve.plot(times, ratio.T, color="0.8", linewidth=0.6)
+        curve.plot(times, ratio.T, color="0.65", linewidth=0.7)
     curve.plot(times, ratio.mean(axis=0), "k-", label="top of the highest particle")
     lines = jax.vmap(observe.asymptotes)(whole.run)
     final, crossing = float(lines.final_ratio.mean()), float(lines.crossing_time.mean())
