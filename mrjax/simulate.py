@@ -340,6 +340,15 @@ def _scan(
         found = neighbours.build(plan, box, position.T)
         return pairs.listed(found, box, position, radius, listed_gap, plan.pairs)
 
+    def begun_at(position: Array) -> tuple[Pairs, Array, Array]:
+        """A list, where it was built, and what has been travelled since: nothing.
+
+        All that is differentiated of a position is what is travelled, particle by particle, not
+        also the separation of every pair.
+        """
+        origin = lax.stop_gradient(position)
+        return listed_at(origin), origin, position - origin
+
     def stale(motion: Motion) -> Array:
         """Whether a particle may leave the skin before the end of the next interval."""
         gone, speed = (
@@ -349,12 +358,11 @@ def _scan(
         return (2.0 * (gone + HURRY * cuts.steps * speed) > skin_left) & (gone > 0.0)
 
     def listed_anew(motion: Motion) -> Motion:
-        position = motion.position
-        listed = listed_at(position)
+        listed, origin, travelled = begun_at(motion.position)
         return motion._replace(
             listed=listed,
-            origin=position,
-            travelled=jnp.zeros_like(position),
+            origin=origin,
+            travelled=travelled,
             memory=history.begun(history.noted(motion.memory, motion.listed), listed),
             fault=motion.fault | listed.overflow,
         )
@@ -410,11 +418,11 @@ def _scan(
         motion, _ = lax.scan(interval, motion, length=cuts.intervals)
         return motion, observe(motion)
 
-    listed = listed_at(position)
+    listed, origin, travelled = begun_at(position)
     start = Motion(
         listed,
-        position,
-        jnp.zeros_like(position),
+        origin,
+        travelled,
         velocity,
         spin,
         history.begun(notes, listed),
