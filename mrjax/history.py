@@ -115,7 +115,8 @@ def recalled(
       unit_length: of the memory, m.
     """
     if contacts is None:
-        contacts = Contacts(np.full((like.shape[0], slots), NOBODY, np.int32), None, None)
+        nobody = np.full((like.shape[0], slots), NOBODY, np.int32)  # filled without a program
+        contacts = Contacts(jnp.asarray(nobody), None, None)
     else:
         contacts = widened(contacts, slots)
 
