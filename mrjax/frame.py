@@ -12,13 +12,13 @@ from mrjax.instructions import INT, LONG, POINTER, as_word
 # Where the interface keeps what is read here, in bytes.
 EXTENSION, INTERFACE, CONTEXT, ARGUMENTS, RESULTS = 8, 16, 24, 72, 112
 METADATA, MAJOR, MINOR = 24, 24, 28
-DATA, DIMENSIONS = 24, 40
+DATA = 24
 DESTROY_ERROR, SCHEDULE, NUMBER_OF_THREADS = 64, 136, 144
 MAJOR_VERSION = 0
 
 
 class Frame:
-    """What a handler is given: buffers, and XLA's threads."""
+    """What a handler is given: arrays, and XLA's threads."""
 
     def __init__(self, build: ir.IRBuilder, pointer: ir.Value):
         self.build, self.pointer = build, pointer
@@ -30,11 +30,11 @@ class Frame:
             build.store(INT(_minor_version()), moved(build, metadata, MINOR))
             build.ret(NULL)
 
-    def buffers(self, arguments: int, results: int) -> list["Buffer"]:
-        """Of so many arguments and results."""
+    def buffers(self, arguments: int, results: int) -> list[ir.Value]:
+        """Where the numbers of so many arguments and results are."""
         places = self._at(self.pointer, ARGUMENTS), self._at(self.pointer, RESULTS)
         return [
-            Buffer(self._at(place, 8 * i), self)
+            self._at(self._at(place, 8 * i), DATA)
             for place, number in zip(places, (arguments, results), strict=True)
             for i in range(number)
         ]
@@ -74,22 +74,6 @@ class Frame:
 
     def _at(self, base: ir.Value, offset: int, kind: ir.Type = POINTER) -> ir.Value:
         return self.build.load(moved(self.build, base, offset), typ=kind)
-
-
-class Buffer:
-    """An array."""
-
-    def __init__(self, pointer: ir.Value, frame: Frame):
-        self.pointer, self.at = pointer, frame._at
-
-    @property
-    def data(self) -> ir.Value:
-        """Address of the first number."""
-        return self.at(self.pointer, DATA)
-
-    def size(self, axis: int) -> ir.Value:
-        """Numbers along an axis."""
-        return self.at(self.at(self.pointer, DIMENSIONS), 8 * axis, LONG)
 
 
 NULL = ir.Constant(POINTER, None)

@@ -37,15 +37,19 @@ def parts(room: int) -> int:
 
 
 @cache
-def registered(loop: Loop, parts: int) -> str:
+def registered(loop: Loop, particles: int, room: int) -> str:
     """The name under which XLA finds the compiled loop: the same in every process.
 
     In parts it has one result more, of `parts.room_for_sums` for each, which means nothing.
 
+    Args:
+      loop: the loop.
+      particles, room: N and P, which are part of the code: where a row begins is then known.
+
     Raises:
       NotImplementedError: the law has an operation that is not translated here.
     """
-    module = _module(loop, parts)
+    module = _module(loop, particles, room)
     name = "mrjax_" + hashlib.sha256(str(module).encode()).hexdigest()[:32]
     with _lock:
         if name not in _engines:
@@ -79,7 +83,7 @@ def _compiled(source: str) -> binding.ExecutionEngine:
     return engine
 
 
-def _module(loop: Loop, parts: int) -> ir.Module:
+def _module(loop: Loop, particles: int, room: int) -> ir.Module:
     """The law for some pairs, the loop over all or a part, and the handler that XLA calls."""
     module = ir.Module("pairs")
     operands = 3 + len(loop.inputs)
@@ -87,7 +91,7 @@ def _module(loop: Loop, parts: int) -> ir.Module:
     shared = {at for given, taken in loop.in_place for at in (3 + given, operands + taken)}
 
     def function(name: str, *more: ir.Type) -> ir.Function:
-        kind = ir.FunctionType(ir.VoidType(), [*pointers, LONG, LONG, *more])
+        kind = ir.FunctionType(ir.VoidType(), [*pointers, *more])
         made = ir.Function(module, kind, name)
         made.linkage = "internal"
         for index, argument in enumerate(made.args[: len(pointers)]):
@@ -96,27 +100,22 @@ def _module(loop: Loop, parts: int) -> ir.Module:
         return made
 
     law, body = function("law", POINTER, LONG), function("loop", *[LONG] * 5)
-    _Body(loop, law).law(*law.args[-2:])
-    _Body(loop, body).pairs(law, *body.args[-5:])
+    shape = LONG(particles), LONG(room)
+    _Body(loop, law, *shape).law(*law.args[-2:])
+    _Body(loop, body, *shape).pairs(law, *body.args[-5:])
 
     handler = ir.Function(module, ir.FunctionType(POINTER, [POINTER]), "handler")
     build = ir.IRBuilder(handler.append_basic_block())
     frame = Frame(build, handler.args[0])
-    buffers = frame.buffers(operands, len(loop.outputs) + (parts > 1))
-    of_particles, leaf = next(
-        (buffer, leaf)
-        for buffer, leaf in zip(buffers[3:], loop.inputs + loop.outputs, strict=False)
-        if leaf.kind is Kind.PARTICLE
-    )
-    particles = of_particles.size(len(leaf.rows))
-    room, data = buffers[0].size(0), [buffer.data for buffer in buffers]
+    number = parts(room)
+    data = frame.buffers(operands, len(loop.outputs) + (number > 1))
     listed = build.sext(build.load(data[2], typ=INT), LONG)
-    listed = build.select(build.icmp_signed("<", listed, room), listed, room)
-    if parts == 1:
-        build.call(body, [*data, particles, room, LONG(0), listed, room, LONG(0), particles])
+    listed = build.select(build.icmp_signed("<", listed, shape[1]), listed, shape[1])
+    if number == 1:
+        build.call(body, [*data, LONG(0), listed, shape[1], LONG(0), shape[0]])
     else:
-        given = [*data, particles, room, listed]
-        threads.run(frame, stages(loop, body, parts), parts, given, spare=2 * parts)
+        shared = stages(loop, body, number, *shape)
+        threads.run(frame, shared, number, [*data, listed], spare=2 * number)
     build.ret(NULL)
     return module
 
@@ -124,12 +123,14 @@ def _module(loop: Loop, parts: int) -> ir.Module:
 class _Body:
     """Code that reads and writes the arrays of a call, in a function that is given them."""
 
-    def __init__(self, loop: Loop, function: ir.Function):
-        self.loop, self.arguments = loop, function.args[: 5 + len(loop.inputs + loop.outputs)]
-        *pointers, self.particles, self.room = self.arguments
-        self.first, self.second, self.count = pointers[:3]
-        self.inputs = pointers[3 : 3 + len(loop.inputs)]
-        self.outputs = pointers[3 + len(loop.inputs) :]
+    def __init__(
+        self, loop: Loop, function: ir.Function, particles: ir.Constant, room: ir.Constant
+    ):
+        self.loop, self.arguments = loop, function.args[: 3 + len(loop.inputs + loop.outputs)]
+        self.particles, self.room = particles, room
+        self.first, self.second, self.count = self.arguments[:3]
+        self.inputs = self.arguments[3 : 3 + len(loop.inputs)]
+        self.outputs = self.arguments[3 + len(loop.inputs) :]
         self.build = ir.IRBuilder(function.append_basic_block())
 
     def pairs(

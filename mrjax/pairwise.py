@@ -278,15 +278,15 @@ def _both_remembered(saveable, unknown, present, equation):
 
 def _compiled(context, *operands, loop: Loop):
     shapes = [operand.shape for operand in context.avals_in]
-    parts = machine_code.parts(shapes[0][0])
+    particles, (room,) = loop.particles(shapes[3:]), shapes[0]
     lower = jax.ffi.ffi_lowering(
-        machine_code.registered(loop, parts),
+        machine_code.registered(loop, particles, room),
         operand_output_aliases={3 + given: taken for given, taken in loop.in_place},
     )
+    parts = machine_code.parts(room)
     if parts == 1:
         return lower(context, *operands)
-    sums = room_for_sums(loop, loop.particles(shapes[3:]))
-    apart = ShapedArray((parts, sums), loop.outputs[0].dtype)
+    apart = ShapedArray((parts, room_for_sums(loop, particles)), loop.outputs[0].dtype)
     *found, _ = lower(context.replace(avals_out=[*context.avals_out, apart]), *operands)
     return found
 

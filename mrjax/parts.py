@@ -21,18 +21,20 @@ def room_for_sums(loop: Loop, particles: int) -> int:
     )
 
 
-def stages(loop: Loop, body: ir.Function, parts: int) -> list[ir.Function]:
+def stages(
+    loop: Loop, body: ir.Function, parts: int, particles: ir.Constant, room: ir.Constant
+) -> list[ir.Function]:
     """Functions of the words of a job and the number of a part: its pairs, and its share of sums.
 
     The words are the addresses of arrays that `body` takes, that of room for the sums of all parts,
-    the numbers of particles, places and pairs; then they keep which particles the parts name.
+    and the number of pairs; then they keep which particles the parts name.
     """
     module = body.module
-    some = _Stage(loop, module, "some", parts)
+    some = _Stage(loop, module, "some", parts, particles, room)
     some.pairs(body)
     if not _sums(loop):
         return [some.function]
-    added = _Stage(loop, module, "added", parts)
+    added = _Stage(loop, module, "added", parts, particles, room)
     added.sums()
     return [some.function, added.function]
 
@@ -44,7 +46,15 @@ def _sums(loop: Loop) -> list[Leaf]:
 class _Stage:
     """One of the functions, and what it finds among the words."""
 
-    def __init__(self, loop: Loop, module: ir.Module, name: str, parts: int):
+    def __init__(
+        self,
+        loop: Loop,
+        module: ir.Module,
+        name: str,
+        parts: int,
+        particles: ir.Constant,
+        room: ir.Constant,
+    ):
         kind = ir.FunctionType(ir.VoidType(), [POINTER, LONG])
         self.function = ir.Function(module, kind, name)
         self.function.linkage = "internal"
@@ -59,10 +69,9 @@ class _Stage:
 
         self.arrays = [of(index, POINTER) for index in range(arrays)]
         self.apart = of(arrays, POINTER)
-        self.particles, self.room, self.listed = (
-            of(index, LONG) for index in range(arrays + 1, arrays + 4)
-        )
-        self.lows, self.highs = arrays + 4, arrays + 4 + parts
+        self.listed = of(arrays + 1, LONG)
+        self.particles, self.room = particles, room
+        self.lows, self.highs = arrays + 2, arrays + 2 + parts
 
     def pairs(self, body: ir.Function) -> None:
         """The loop over the pairs of this part."""
@@ -77,7 +86,7 @@ class _Stage:
         for index, leaf in enumerate(self.loop.outputs):
             if leaf.kind is not Kind.PAIR:
                 arrays[self.outputs + index] = self.place(self.part, index)
-        build.call(body, [*arrays, self.particles, self.room, begin, end, past, low, high])
+        build.call(body, [*arrays, begin, end, past, low, high])
         build.ret_void()
 
     def sums(self) -> None:

@@ -83,6 +83,7 @@ def everything(pairs: Pairs):
 def in_parts(monkeypatch, several: bool):
     """From here on every list is divided, or none."""
     monkeypatch.setattr(machine_code, "LONG_LIST", 1 if several else sys.maxsize)
+    machine_code.registered.cache_clear()
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
