@@ -428,6 +428,10 @@ def _regression() -> tuple[float, float]:
     ratio = np.array(list(HABERMAN_SAYRE_EXACT))
     exact = np.array(list(HABERMAN_SAYRE_EXACT.values()))
     found = least_squares(
-        lambda guess: guess[0] * ratio ** guess[1] + 1.0 - exact, [300.0, 7.0], method="lm"
+        lambda guess: guess[0] * ratio ** guess[1] + 1.0 - exact,
+        [300.0, 7.0],
+        method="lm",
+        xtol=1e-12,
+        ftol=1e-12,
     )
     return float(found.x[0]), float(found.x[1])
