@@ -29,7 +29,7 @@ def measured(
     folder: Path, tiles: tuple[int, ...] = states.TILES, repetitions: int = 3, work: float = WORK
 ) -> Iterator[dict]:
     """A row for every phase, size and number of cores."""
-    for phase in (states.DILUTE, states.SETTLED):
+    for phase in (states.SETTLED, states.DILUTE):
         states.make(folder, phase)
         for times in tiles:
             for cores in process.numbers_of_cores():
