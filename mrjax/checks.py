@@ -157,10 +157,10 @@ def may_touch(
 ) -> bool:
     """Whether surfaces may come into contact while they approach each other by `travel`, m.
 
-    True where positions, (N, 3) in m, or the travel are traced or not a number. `radius` is () or
+    True where positions, (N, 3) in m, or the travel are traced or not finite. `radius` is () or
     (N,), in m; `diameter`, m, is about the largest contact diameter.
     """
-    if position is None or np.isnan(travel) or np.isnan(position).any():
+    if position is None or np.isnan(travel) or not np.isfinite(position).all():
         return True
     radius = np.broadcast_to(radius, position.shape[:1])
     for axis in box.walled_axes:

@@ -454,3 +454,11 @@ def test_a_run_goes_on_from_the_state_of_another():
     rest = mrjax.simulate(half.state, parameters, box, duration=1e-6, time_step=1e-9)
     np.testing.assert_allclose(rest.state.position, whole.state.position, rtol=1e-9)
     assert rest.state.spin.shape == (2, 3)
+
+
+def test_a_place_that_is_not_finite_is_an_error_of_the_run():
+    """Also where no wall refuses it, and a search among places would fail with words of its own."""
+    parameters, box = mrjax.Recipe.load("case2").parameters(), mrjax.Box((25e-6,) * 3, (True,) * 3)
+    state = mrjax.place([[float("inf"), 1e-5, 1e-5], [2e-5, 2e-5, 2e-5]])
+    with pytest.raises(mrjax.SimulationError, match="not finite"):
+        mrjax.simulate(state, parameters, box, duration=1e-7)
