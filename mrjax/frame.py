@@ -80,10 +80,9 @@ NULL = ir.Constant(POINTER, None)
 FROM_STRUCT = ir.FunctionType(POINTER, [POINTER]).as_pointer()
 
 
-def moved(build: ir.IRBuilder, base: ir.Value, offset: int | ir.Value) -> ir.Value:
+def moved(build: ir.IRBuilder, base: ir.Value, offset: int) -> ir.Value:
     """So many bytes on."""
-    offset = LONG(offset) if isinstance(offset, int) else offset
-    return build.gep(base, [offset], source_etype=ir.IntType(8))
+    return build.gep(base, [LONG(offset)], source_etype=ir.IntType(8))
 
 
 @cache

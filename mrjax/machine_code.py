@@ -114,8 +114,8 @@ def _module(loop: Loop, particles: int, room: int) -> ir.Module:
     if number == 1:
         build.call(body, [*data, LONG(0), listed, shape[1], LONG(0), shape[0]])
     else:
-        shared = stages(loop, body, number, *shape)
-        threads.run(frame, shared, number, [*data, listed], spare=2 * number)
+        both = stages(loop, body, number, particles, room)
+        threads.run(frame, both, number, [*data, listed], spare=2 * number)
     build.ret(NULL)
     return module
 

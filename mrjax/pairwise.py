@@ -286,7 +286,7 @@ def _compiled(context, *operands, loop: Loop):
     parts = machine_code.parts(room)
     if parts == 1:
         return lower(context, *operands)
-    apart = ShapedArray((parts, room_for_sums(loop, particles)), loop.outputs[0].dtype)
+    apart = ShapedArray((parts, room_for_sums(loop.outputs, particles)), loop.outputs[0].dtype)
     *found, _ = lower(context.replace(avals_out=[*context.avals_out, apart]), *operands)
     return found
 

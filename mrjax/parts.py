@@ -5,8 +5,6 @@ that its pairs name. In a list in the order of particles, which are in some orde
 are few.
 """
 
-from functools import reduce
-
 from llvmlite import ir
 
 from mrjax.instructions import FREE, INT, LONG, POINTER, TYPES, counted
@@ -14,15 +12,13 @@ from mrjax.loop import Kind, Leaf, Loop
 from mrjax.threads import word
 
 
-def room_for_sums(loop: Loop, particles: int) -> int:
+def room_for_sums(outputs: tuple[Leaf, ...], particles: int) -> int:
     """Numbers that one part sums."""
-    return sum(
-        leaf.width * (particles if leaf.kind is Kind.PARTICLE else 1) for leaf in _sums(loop)
-    )
+    return sum(leaf.width * _length(leaf, particles) for leaf in _sums(outputs))
 
 
 def stages(
-    loop: Loop, body: ir.Function, parts: int, particles: ir.Constant, room: ir.Constant
+    loop: Loop, body: ir.Function, parts: int, particles: int, room: int
 ) -> list[ir.Function]:
     """Functions of the words of a job and the number of a part: its pairs, and its share of sums.
 
@@ -32,15 +28,19 @@ def stages(
     module = body.module
     some = _Stage(loop, module, "some", parts, particles, room)
     some.pairs(body)
-    if not _sums(loop):
+    if not _sums(loop.outputs):
         return [some.function]
     added = _Stage(loop, module, "added", parts, particles, room)
     added.sums()
     return [some.function, added.function]
 
 
-def _sums(loop: Loop) -> list[Leaf]:
-    return [leaf for leaf in loop.outputs if leaf.kind is not Kind.PAIR]
+def _sums(outputs: tuple[Leaf, ...]) -> list[Leaf]:
+    return [leaf for leaf in outputs if leaf.kind is not Kind.PAIR]
+
+
+def _length(leaf: Leaf, particles: int) -> int:
+    return particles if leaf.kind is Kind.PARTICLE else 1
 
 
 class _Stage:
@@ -52,8 +52,8 @@ class _Stage:
         module: ir.Module,
         name: str,
         parts: int,
-        particles: ir.Constant,
-        room: ir.Constant,
+        particles: int,
+        room: int,
     ):
         kind = ir.FunctionType(ir.VoidType(), [POINTER, LONG])
         self.function = ir.Function(module, kind, name)
@@ -81,7 +81,7 @@ class _Stage:
         build.store(low, word(build, self.words, build.add(LONG(self.lows), self.part)))
         build.store(high, word(build, self.words, build.add(LONG(self.highs), self.part)))
         last = build.icmp_signed("==", self.part, LONG(self.parts - 1))
-        past = build.select(last, self.room, end)
+        past = build.select(last, LONG(self.room), end)
         arrays = list(self.arrays)
         for index, leaf in enumerate(self.loop.outputs):
             if leaf.kind is not Kind.PAIR:
@@ -92,7 +92,7 @@ class _Stage:
     def sums(self) -> None:
         """What the parts found for this part's share of the particles, and for all."""
         build = self.build
-        begin, end = self.share(self.particles)
+        begin, end = self.share(LONG(self.particles))
         outputs = list(enumerate(self.loop.outputs))
         of_particles = [index for index, leaf in outputs if leaf.kind is Kind.PARTICLE]
         of_all = [index for index, leaf in outputs if leaf.kind is Kind.ALL]
@@ -127,7 +127,7 @@ class _Stage:
     def named(self, begin: ir.Value, end: ir.Value) -> tuple[ir.Value, ir.Value]:
         """The first particle that these pairs name, and the one after the last."""
         build = self.build
-        particles = build.trunc(self.particles, INT)
+        particles = INT(self.particles)
         low, high = (build.alloca(INT) for _ in range(2))
         build.store(particles, low)
         build.store(INT(0), high)
@@ -146,26 +146,18 @@ class _Stage:
                 keep(high, ">", build.select(wall, INT(0), build.add(named, INT(1))))
         return tuple(build.sext(build.load(place, typ=INT), LONG) for place in (low, high))
 
-    def length(self, leaf: Leaf) -> ir.Value:
-        return self.particles if leaf.kind is Kind.PARTICLE else LONG(1)
-
     def place(self, part: ir.Value, output: int) -> ir.Value:
         """Of the sums of a part that belong to an output."""
-        build = self.build
-        sizes = [
-            build.mul(LONG(leaf.width), self.length(leaf))
-            for leaf in self.loop.outputs
-            if leaf.kind is not Kind.PAIR
-        ]
-        before = sum(leaf.kind is not Kind.PAIR for leaf in self.loop.outputs[:output])
-        numbers = build.mul(part, reduce(build.add, sizes))
-        numbers = reduce(build.add, sizes[:before], numbers)
+        build, loop = self.build, self.loop
+        before = room_for_sums(loop.outputs[:output], self.particles)
+        of_parts = build.mul(part, LONG(room_for_sums(loop.outputs, self.particles)))
+        numbers = build.add(of_parts, LONG(before))
         return build.gep(self.apart, [numbers], source_etype=self.number)
 
     def rows(self, output: int, array: ir.Value) -> list[ir.Value]:
         """Where the rows of an output begin, in the array itself or in a part's."""
         leaf = self.loop.outputs[output]
-        steps = (self.build.mul(LONG(row), self.length(leaf)) for row in range(leaf.width))
+        steps = (LONG(row * _length(leaf, self.particles)) for row in range(leaf.width))
         return [self.build.gep(array, [step], source_etype=self.number) for step in steps]
 
     def clear(self, output: int, begin: ir.Value, end: ir.Value) -> None:

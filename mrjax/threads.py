@@ -17,7 +17,6 @@ JOBS = 16
 """Calls of one loop that may be under way with help; any more do their parts themselves."""
 # Words of eight bytes at the beginning of a job, before those that its parts read and write.
 USERS, DRAWN, DONE, WORDS = 0, 1, 2, 3
-NOTHING = ir.VoidType()
 
 
 def word(build: ir.IRBuilder, words: ir.Value, index: int | ir.Value) -> ir.Value:
@@ -77,7 +76,7 @@ def run(
 
 def _work(module: ir.Module, stages: list[ir.Function], parts: int) -> ir.Function:
     """Draws parts and does them until none is left."""
-    work = _function(module, "work", NOTHING)
+    work = _function(module, "work")
     (job,) = work.args
     build = ir.IRBuilder(work.append_basic_block())
     again = work.append_basic_block()
@@ -100,7 +99,7 @@ def _work(module: ir.Module, stages: list[ir.Function], parts: int) -> ir.Functi
 
 def _task(module: ir.Module, work: ir.Function) -> ir.Function:
     """What another thread is asked to call."""
-    task = _function(module, "task", NOTHING)
+    task = _function(module, "task")
     build = ir.IRBuilder(task.append_basic_block())
     build.call(work, task.args)
     _left(build, task.args[0])
@@ -135,7 +134,7 @@ def _left(build: ir.IRBuilder, job: ir.Value) -> None:
     build.atomic_rmw("sub", word(build, job, USERS), LONG(1), "acq_rel")
 
 
-def _function(module: ir.Module, name: str, result: ir.Type) -> ir.Function:
-    function = ir.Function(module, ir.FunctionType(result, [POINTER]), name)
+def _function(module: ir.Module, name: str) -> ir.Function:
+    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [POINTER]), name)
     function.linkage = "internal"
     return function
