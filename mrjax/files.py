@@ -5,13 +5,19 @@ import json
 import math
 import os
 import tempfile
-from collections.abc import Iterable
+import zipfile
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from jax.typing import ArrayLike
 
 from mrjax.errors import InputError
+
+METADATA = "metadata"
+"""Entry of an npz file that says in JSON what its arrays are."""
 
 
 def result_folder(path: Path) -> Path:
@@ -31,13 +37,27 @@ def result_folder(path: Path) -> Path:
     return path
 
 
+@contextmanager
+def replacing(path: Path) -> Iterator[Path]:
+    """A name beside a file, under which to write what then replaces it at once.
+
+    A reader sees the old file or the new, never half of it; what fails leaves the old one.
+    """
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=path.suffix)
+    os.close(handle)
+    scratch = Path(name)
+    try:
+        yield scratch
+        os.chmod(scratch, 0o666 & ~_umask())
+        os.replace(scratch, path)
+    finally:
+        scratch.unlink(missing_ok=True)
+
+
 def write_text(path: Path, text: str) -> None:
-    """Replaces a file at once: a reader sees the old one or the new, never half of it."""
-    handle, scratch = tempfile.mkstemp(dir=path.parent, prefix=path.name)
-    with os.fdopen(handle, "w", encoding="utf-8", newline="") as file:
-        file.write(text)
-    os.chmod(scratch, 0o666 & ~_umask())
-    os.replace(scratch, path)
+    """Replaces a file at once."""
+    with replacing(path) as scratch:
+        scratch.write_text(text, encoding="utf-8", newline="")
 
 
 def write_json(path: Path, value: Any) -> None:
@@ -52,6 +72,46 @@ def write_csv(path: Path, columns: dict[str, Iterable[float]]) -> None:
     text = _Lines()
     csv.writer(text, lineterminator="\n").writerows(lines)
     write_text(path, "".join(text))
+
+
+def write_npz(path: Path, arrays: Mapping[str, ArrayLike], metadata: Mapping[str, Any]) -> None:
+    """Arrays by name in numpy's format, with all digits, and what they are as JSON; no pickle.
+
+    Args:
+      path: ends in `.npz`; replaced at once.
+      arrays: of numbers; names tell units, such as `position_m`.
+      metadata: what JSON takes, and numpy and JAX numbers as numbers.
+
+    Raises:
+      TypeError: an array of objects, which only pickle could write.
+    """
+    plain = {name: np.asarray(array) for name, array in arrays.items()}
+    for name, array in plain.items():
+        if array.dtype.hasobject or name == METADATA:
+            raise TypeError(f"{name}: an array of objects, or the name of the metadata")
+    text = json.dumps(_plain(metadata), ensure_ascii=False)
+    with replacing(path) as scratch:
+        np.savez(scratch, **plain, **{METADATA: np.asarray(text)})
+
+
+def read_npz(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """The arrays and the metadata that `write_npz` wrote.
+
+    Raises:
+      InputError: there is no such file, or it is another kind of file, or damaged.
+    """
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+        return arrays, json.loads(arrays.pop(METADATA).item())
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except (ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile):
+        raise InputError(
+            f"{path}: is not a file that mrjax wrote, or damaged; give another"
+        ) from None
 
 
 class _Lines(list):
