@@ -11,6 +11,7 @@ from mrjax.box import Box
 from mrjax.concrete import concrete
 from mrjax.errors import SimulationError
 from mrjax.state import State
+from mrjax.trajectory import Trajectory
 
 
 class Fault(IntFlag):
@@ -80,6 +81,8 @@ class Run:
     """Length of a step, s."""
     steps: int = field(metadata={"static": True})
     """Number of steps."""
+    trajectory: Trajectory | None = None
+    """Every particle at every time, where `simulate` was asked for it."""
 
     @property
     def mudline(self) -> Array:

@@ -50,6 +50,7 @@ def sedimentation(
     time_step: float | None = None,
     dtype: DTypeLike = float,
     progress: bool = False,
+    trajectory: bool = False,
 ) -> Sedimentation:
     """Disperses a recipe and lets it settle to rest at its own viscosity.
 
@@ -65,6 +66,7 @@ def sedimentation(
       time_step: longest step, s; left out, what the bed is stable at.
       dtype: of the runs; `float` is JAX's default.
       progress: whether to show progress bars, on standard error.
+      trajectory: whether to record all positions, velocities and spins (`Run.trajectory`).
 
     Raises:
       InputError: an argument that cannot be used.
@@ -86,6 +88,7 @@ def sedimentation(
         time_step=time_step,
         hindrance=recipe.hindrance,
         progress=progress,
+        trajectory=trajectory,
     )
     factor = np.ravel(parameters.elastic_modulus / stiff.elastic_modulus)[0]
     return Sedimentation(run, parameters, float(factor), seeds)

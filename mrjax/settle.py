@@ -20,6 +20,7 @@ from mrjax.parameters import Parameters
 from mrjax.run import Fault, Run
 from mrjax.simulate import Setup, attempt, prepared
 from mrjax.state import State
+from mrjax.trajectory import Trajectory
 
 FRAMES_AT_ONCE = 10
 FRAMES_AT_REST = 3
@@ -27,6 +28,8 @@ PATIENCE = 20.0
 """Times the expected duration after which a bed is given up."""
 SHORTER = 0.7
 """Factor on a step that turned out too long."""
+ALONG = ("heights", "mean_velocity", "mean_speed", "trajectory")
+"""What a run has one of for every frame, beside the times."""
 
 
 def settle(
@@ -42,6 +45,7 @@ def settle(
     rebuild_every: int | None = None,
     hindrance: Hindrance | None = None,
     progress: bool = False,
+    trajectory: bool = False,
 ) -> Run:
     """Follows a suspension until its bed rests.
 
@@ -62,6 +66,7 @@ def settle(
       time_step: longest step, s; left out, what a random bed under its weight is stable at.
       skin, rebuild_every, hindrance: as for `simulate`.
       progress: whether to show a progress bar, on standard error.
+      trajectory: whether to record all positions, velocities and spins (`Run.trajectory`).
 
     Returns:
       The run, its observables with a leading axis for several states.
@@ -96,6 +101,7 @@ def settle(
             hindrance=hindrance,
             rebuild_every=rebuild_every,
             touch=True,
+            trajectory=trajectory,
         )
         speeds = rest, falling
         follow = partial(_until_rest, parameters, hindrance, box, setup, speeds, longest, progress)
@@ -193,9 +199,11 @@ def _ready(state: State, box: Box, setup: Setup) -> State:
 def _joined(parts: list[Run], setup: Setup) -> Run:
     """One run of parts that follow each other."""
 
-    def along(name: str) -> Array:
-        rows = [getattr(part, name) for part in parts]
-        return jnp.concatenate([rows[0], *(row[1:] for row in rows[1:])])
+    def along(name: str) -> Array | Trajectory | None:
+        return jax.tree.map(
+            lambda first, *others: jnp.concatenate([first, *(rows[1:] for rows in others)]),
+            *(getattr(part, name) for part in parts),
+        )
 
     def deepest(name: str) -> Array:
         return jnp.max(jnp.stack([getattr(part, name) for part in parts]))
@@ -205,7 +213,7 @@ def _joined(parts: list[Run], setup: Setup) -> Run:
     return replace(
         last,
         times=jnp.asarray(times, last.times.dtype),
-        **{name: along(name) for name in ("heights", "mean_velocity", "mean_speed")},
+        **{name: along(name) for name in ALONG},
         **{name: deepest(name) for name in ("deepest_overlap", "coating_overlap")},
         steps=sum(part.steps for part in parts),
     )
@@ -220,14 +228,13 @@ def _stacked(runs: list[Run]) -> Run:
     def alike(run: Run) -> Run:
         missing = len(longest.times) - len(run.times)
 
-        def lasting(name: str) -> Array:
-            rows = getattr(run, name)
+        def lasting(rows: Array) -> Array:
             return jnp.pad(rows, [(0, missing)] + [(0, 0)] * (rows.ndim - 1), mode="edge")
 
         return replace(
             run,
             times=longest.times,
-            **{name: lasting(name) for name in ("heights", "mean_velocity", "mean_speed")},
+            **{name: jax.tree.map(lasting, getattr(run, name)) for name in ALONG},
             state=replace(run.state, contacts=history.widened(run.state.contacts, slots)),
             time_step=longest.time_step,
             steps=longest.steps,

@@ -41,6 +41,7 @@ from mrjax.run import Fault, Run
 from mrjax.schedule import Schedule
 from mrjax.stability import Swing
 from mrjax.state import State
+from mrjax.trajectory import Trajectory
 from mrjax.units import Units
 
 DEEPEST = 0.25
@@ -65,6 +66,7 @@ def simulate(
     capacity: int | None = None,
     cell_capacity: int | None = None,
     hindrance: Hindrance | None = None,
+    trajectory: bool = False,
 ) -> Run:
     """Follows the particles for a while.
 
@@ -88,6 +90,7 @@ def simulate(
         random close packing.
       hindrance: f_w for volume fractions, such as `recipe.hindrance`: each particle then feels that
         of its own height (`mrjax.hindrance`) in place of the parameters' f_w.
+      trajectory: whether to record all positions, velocities and spins (`Run.trajectory`).
 
     Raises:
       InputError: an argument that cannot be used, a step that would be unstable, or a traced value
@@ -106,6 +109,7 @@ def simulate(
         rebuild_every=rebuild_every,
         capacity=capacity,
         cell_capacity=cell_capacity,
+        trajectory=trajectory,
     )
     while True:
         run = attempt(state, parameters, hindrance, box, setup)
@@ -127,6 +131,7 @@ class Setup:
     plan: Plan
     cuts: Schedule
     laws: Laws
+    trajectory: bool
 
     def mended(self, run: Run) -> "Setup | None":
         """With more room, where the run failed for want of it; None for other faults."""
@@ -152,11 +157,13 @@ def prepared(
     capacity: int | None = None,
     cell_capacity: int | None = None,
     touch: bool | None = None,
+    trajectory: bool = False,
 ) -> Setup:
     """Refuses what cannot be run, and decides what is left open.
 
     Args:
       touch: whether particles meet before the end; left out, judged from where they are.
+      trajectory: whether the run records it.
 
     Raises:
       InputError: as `simulate`.
@@ -208,7 +215,7 @@ def prepared(
 
     # Without a contact friction is only compiled.
     laws = forces.laws(parameters) if touch else Laws(sliding=False, rolling=False, damped=False)
-    return Setup(duration, diameter / 2, plan, cuts, laws)
+    return Setup(duration, diameter / 2, plan, cuts, laws, trajectory)
 
 
 def attempt(
@@ -226,6 +233,7 @@ def attempt(
         heights=run.heights[:, back],
         radius=run.radius[back],
         state=order.arranged(run.state, back),
+        trajectory=jax.tree.map(lambda rows: rows[:, back], run.trajectory),
     )
 
 
@@ -233,7 +241,7 @@ def _in_reduced_units(
     state: State, parameters: Parameters, hindrance: Hindrance | None, box: Box, setup: Setup
 ) -> Run:
     """SI to reduced units, scan, and back."""
-    duration, unit_length, plan, cuts, laws = (
+    duration, unit_length, plan, cuts, laws, trajectory = (
         getattr(setup, field.name) for field in fields(setup)
     )
     time_step = duration / cuts.total
@@ -248,7 +256,7 @@ def _in_reduced_units(
         unit_length=units.length,
     )
     reduced = parameters.reduced(units).astype(dtype)
-    end, notes, heights, descent, speed, overlap, coating, fault = _scan(
+    end, notes, heights, descent, speed, moved, overlap, coating, fault = _scan(
         state.position.T / units.length,
         state.velocity.T / units.velocity,
         state.spin.T * units.time,
@@ -260,6 +268,7 @@ def _in_reduced_units(
         plan=plan,
         cuts=cuts,
         laws=laws,
+        trajectory=trajectory,
     )
     # A factor, not a choice: the derivative of what must not be used is NaN too.
     sound = jnp.where(fault == 0, 1.0, jnp.nan).astype(dtype)
@@ -283,6 +292,7 @@ def _in_reduced_units(
         box=box,
         time_step=time_step,
         steps=cuts.total,
+        trajectory=None if moved is None else moved.in_lab_units(units, sound),
     )
 
 
@@ -305,7 +315,7 @@ class Motion(NamedTuple):
         return self.origin + self.travelled
 
 
-@partial(jax.jit, static_argnames=("box", "plan", "cuts", "laws"))
+@partial(jax.jit, static_argnames=("box", "plan", "cuts", "laws", "trajectory"))
 def _scan(
     position: Array,
     velocity: Array,
@@ -319,7 +329,8 @@ def _scan(
     plan: Plan,
     cuts: Schedule,
     laws: Laws,
-) -> tuple[Motion, Notes, Array, Array, Array, Array, Array, Array]:
+    trajectory: bool,
+) -> tuple[Motion, Notes, Array, Array, Array, Trajectory | None, Array, Array, Array]:
     """The compiled loops, in reduced units with steps of length one."""
     particles, dtype = position.shape[1], position.dtype
     law = forces.total(parameters, particles, laws=laws, material=material)
@@ -367,9 +378,12 @@ def _scan(
             fault=motion.fault | listed.overflow,
         )
 
-    def observe(motion: Motion) -> tuple[Array, Array, Array]:
+    def observe(motion: Motion) -> tuple[Array, Array, Array, Trajectory | None]:
         speed = jnp.sqrt(lax.stop_gradient(sum(motion.velocity**2)))
-        return motion.position[2], 0.0 - jnp.mean(motion.velocity[2]), jnp.mean(speed)
+        moved = None
+        if trajectory:
+            moved = Trajectory(motion.position.T, motion.velocity.T, motion.spin.T)
+        return motion.position[2], 0.0 - jnp.mean(motion.velocity[2]), jnp.mean(speed), moved
 
     @partial(jax.checkpoint, prevent_cse=False)
     def interval(motion: Motion, _):
@@ -438,8 +452,8 @@ def _scan(
         start,
         length=cuts.frames,
     )
-    heights, descent, speed = (
-        jnp.concatenate([first[None], later]) for first, later in zip(at_start, after, strict=True)
+    heights, descent, speed, moved = jax.tree.map(
+        lambda first, later: jnp.concatenate([first[None], later]), at_start, after
     )
     overlap = jnp.max(end.overlap / radius)
     thickness = particle.coating_thickness(parameters)
@@ -447,7 +461,7 @@ def _scan(
     coating = jnp.max(jnp.where(coated, end.overlap / jnp.where(coated, thickness, 1.0), 0.0))
     fault = end.fault | _faults_of_motion(box, end, overlap, coating)
     notes = history.noted(end.memory, end.listed)
-    return end, notes, heights, descent, speed, overlap, coating, fault
+    return end, notes, heights, descent, speed, moved, overlap, coating, fault
 
 
 def _faults_of_motion(box: Box, end: Motion, deepest: Array, coating: Array) -> Array:
