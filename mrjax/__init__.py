@@ -23,6 +23,7 @@ from mrjax.observe import (
 from mrjax.parameters import Parameters
 from mrjax.recipe import Recipe
 from mrjax.run import Fault, Run
+from mrjax.run_file import load_run, save_run
 from mrjax.sedimentation import Sedimentation, sedimentation, standard_error
 from mrjax.settle import settle
 from mrjax.simulate import simulate
@@ -30,6 +31,8 @@ from mrjax.soften import softened
 from mrjax.state import State, place
 from mrjax.theory import terminal_velocity
 from mrjax.timestep import time_step
+from mrjax.trajectory import Trajectory
+from mrjax.viewers import write_gsd, write_vtk
 
 __version__ = version("mrjax")
 
@@ -47,6 +50,7 @@ __all__ = [
     "Sedimentation",
     "SimulationError",
     "State",
+    "Trajectory",
     "asymptotes",
     "bed_front",
     "column",
@@ -56,9 +60,11 @@ __all__ = [
     "coordination_number",
     "disperse",
     "ensemble",
+    "load_run",
     "mudline_descent",
     "place",
     "reynolds_number",
+    "save_run",
     "sedimentation",
     "sedimentation_ratio",
     "settle",
@@ -68,4 +74,6 @@ __all__ = [
     "standard_error",
     "terminal_velocity",
     "time_step",
+    "write_gsd",
+    "write_vtk",
 ]

@@ -62,7 +62,7 @@ def write_text(path: Path, text: str) -> None:
 
 def write_json(path: Path, value: Any) -> None:
     """JSON with numpy and JAX numbers as numbers, and what is not finite as null."""
-    write_text(path, json.dumps(_plain(value), indent=2, ensure_ascii=False) + "\n")
+    write_text(path, json.dumps(plain(value), indent=2, ensure_ascii=False) + "\n")
 
 
 def write_csv(path: Path, columns: dict[str, Iterable[float]]) -> None:
@@ -85,13 +85,13 @@ def write_npz(path: Path, arrays: Mapping[str, ArrayLike], metadata: Mapping[str
     Raises:
       TypeError: an array of objects, which only pickle could write.
     """
-    plain = {name: np.asarray(array) for name, array in arrays.items()}
-    for name, array in plain.items():
+    numbers = {name: np.asarray(array) for name, array in arrays.items()}
+    for name, array in numbers.items():
         if array.dtype.hasobject or name == METADATA:
             raise TypeError(f"{name}: an array of objects, or the name of the metadata")
-    text = json.dumps(_plain(metadata), ensure_ascii=False)
+    text = json.dumps(plain(metadata))
     with replacing(path) as scratch:
-        np.savez(scratch, **plain, **{METADATA: np.asarray(text)})
+        np.savez(scratch, **numbers, **{METADATA: np.asarray(text)})
 
 
 def read_npz(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
@@ -133,15 +133,16 @@ def _umask() -> int:
     return mask
 
 
-def _plain(value: Any) -> Any:
+def plain(value: Any) -> Any:
+    """What JSON has a form for: numbers, text, lists, tables; null for what is not finite."""
     if isinstance(value, dict):
-        return {str(key): _plain(inner) for key, inner in value.items()}
+        return {str(key): plain(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):
-        return [_plain(inner) for inner in value]
+        return [plain(inner) for inner in value]
     if isinstance(value, str | bool | int) or value is None:
         return value
     array = np.asarray(value)
     if array.ndim:
-        return [_plain(inner) for inner in array]
+        return [plain(inner) for inner in array]
     number = array.item()
     return number if not isinstance(number, float) or math.isfinite(number) else None

@@ -1,0 +1,103 @@
+"""A run on disk: arrays in SI whose names tell their units, and what made them; no pickle."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+
+from mrjax import files
+from mrjax.box import Box
+from mrjax.errors import InputError
+from mrjax.history import Contacts
+from mrjax.run import Run
+from mrjax.state import State
+from mrjax.trajectory import Trajectory
+
+ALONG = {
+    "times_s": "times",
+    "heights_m": "heights",
+    "radius_m": "radius",
+    "mean_velocity_m_per_s": "mean_velocity",
+    "mean_speed_m_per_s": "mean_speed",
+    "deepest_overlap_radii": "deepest_overlap",
+    "deepest_overlap_coatings": "coating_overlap",
+    "fault": "fault",
+}
+"""Fields of `Run` by the names of their arrays."""
+PLACES = {"position_m": "position", "velocity_m_per_s": "velocity", "spin_rad_per_s": "spin"}
+"""Fields of `State` and `Trajectory`."""
+MEMORY = {"partner": "partner", "sliding_m": "sliding", "rolling_rad": "rolling"}
+"""Fields of `Contacts`."""
+
+
+def save_run(path: Path, run: Run, made_by: Mapping[str, Any]) -> None:
+    """Writes a run, or several side by side, as an `.npz` file, which is replaced at once.
+
+    Args:
+      path: ends in `.npz`.
+      run: its last state, and its trajectory if it has one, are kept with it.
+      made_by: recipe, seed, versions: what JSON takes.
+
+    Raises:
+      SimulationError: the run is not to be trusted.
+    """
+    run.check()
+    state = run.state
+    arrays = {name: getattr(run, field) for name, field in ALONG.items()}
+    arrays |= {f"last_{name}": getattr(state, field) for name, field in PLACES.items()}
+    if run.trajectory is not None:
+        arrays |= {name: getattr(run.trajectory, field) for name, field in PLACES.items()}
+    if state.contacts is not None:
+        arrays |= {
+            f"contact_{name}": getattr(state.contacts, field) for name, field in MEMORY.items()
+        }
+    arrays["material"] = state.material
+    files.write_npz(
+        path,
+        {name: array for name, array in arrays.items() if array is not None},
+        {
+            "box_size_m": run.box.size,
+            "box_periodic": run.box.periodic,
+            "time_step_s": run.time_step,
+            "steps": run.steps,
+            "contact_diameter_m": state.contact_diameter,
+            "made_by": made_by,
+        },
+    )
+
+
+def load_run(path: str | Path) -> tuple[Run, dict[str, Any]]:
+    """The run that `mrjax simulate` or `save_run` wrote, to the last bit, and what made it.
+
+    In single precision where JAX is set to that.
+
+    Args:
+      path: of the `.npz` file.
+
+    Raises:
+      InputError: no such file, or not of a run.
+    """
+    arrays, told = files.read_npz(Path(path))
+    found = {name: jnp.asarray(array) for name, array in arrays.items()}
+
+    def fields(names: Mapping[str, str], prefix: str = "") -> dict[str, Any]:
+        return {field: found.get(prefix + name) for name, field in names.items()}
+
+    try:
+        contacts = Contacts(**fields(MEMORY, "contact_")) if "contact_partner" in found else None
+        return Run(
+            **{field: found[name] for name, field in ALONG.items()},
+            state=State(
+                **fields(PLACES, "last_"),
+                contacts=contacts,
+                material=found.get("material"),
+                contact_diameter=told["contact_diameter_m"],
+            ),
+            box=Box(tuple(told["box_size_m"]), tuple(told["box_periodic"])),
+            time_step=told["time_step_s"],
+            steps=told["steps"],
+            trajectory=Trajectory(**fields(PLACES)) if "position_m" in found else None,
+        ), told["made_by"]
+    except KeyError as error:
+        raise InputError(f"{path}: has no {error}, so it is not of a run; give another") from None

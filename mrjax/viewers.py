@@ -1,0 +1,141 @@
+"""Trajectories in the formats of viewers: GSD, which OVITO opens, and VTK, which ParaView opens.
+
+Lengths are in micrometres: OVITO takes a cell of less than 1e-6 cubic units for none, and a box of
+micrometres in metres would be one.
+"""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from jax.typing import ArrayLike
+
+from mrjax import files
+from mrjax.errors import InputError
+from mrjax.run import Run
+
+PER_METRE = 1e6
+"""Micrometres."""
+
+
+def write_gsd(path: Path, run: Run, metadata: Mapping[str, Any]) -> None:
+    """A trajectory as GSD, in HOOMD's schema: a frame for each recorded time, in single precision.
+
+    Coordinates are from the middle of the box. Each frame has the time step, `log/time_s`, and of
+    each particle: position and image (um), velocity (um/s), diameter (um), type (its material), and
+    `log/particles/spin_rad_per_s`. The schema knows periodic boxes only: `log/walls` of the first
+    frame says which of x, y and z end in walls. `log/metadata` there is JSON, byte by byte.
+
+    Args:
+      path: of the file, which is replaced at once.
+      run: one that recorded its trajectory.
+      metadata: what made it, such as recipe, seed and versions.
+
+    Raises:
+      InputError: a run without a trajectory.
+      SimulationError: the run is not to be trusted.
+    """
+    import gsd.hoomd
+
+    position, velocity, spin = _moved(run)
+    size = np.asarray(run.box.size)
+    image = np.where(run.box.periodic, np.floor(position / size), 0.0)
+    centred = position - size * (image + 0.5)
+    material = run.state.material
+    index = np.zeros(run.state.particles) if material is None else np.asarray(material)
+    types = [f"material {one}" for one in range(int(index.max()) + 1)]
+    with files.replacing(path) as scratch, gsd.hoomd.open(scratch, "w") as written:
+        for number, time in enumerate(np.asarray(run.times, float)):
+            frame = gsd.hoomd.Frame()
+            frame.configuration.step = round(run.steps * number / (len(position) - 1))
+            frame.configuration.box = _single([*(PER_METRE * size), 0.0, 0.0, 0.0])
+            frame.particles.N = run.state.particles
+            frame.particles.types = types
+            frame.particles.typeid = index.astype(np.uint32)
+            frame.particles.diameter = _single(2.0 * PER_METRE * np.asarray(run.radius))
+            frame.particles.position = _single(PER_METRE * centred[number])
+            frame.particles.image = image[number].astype(np.int32)
+            frame.particles.velocity = _single(PER_METRE * velocity[number])
+            frame.log["particles/spin_rad_per_s"] = _single(spin[number])
+            frame.log["time_s"] = np.array([time])
+            if number == 0:
+                frame.log["walls"] = np.logical_not(run.box.periodic).astype(np.uint8)
+                text = json.dumps(files.plain(metadata))
+                # As numbers: gsd 5.0.1 cannot read a frame after one that has logged text.
+                frame.log["metadata"] = np.frombuffer(text.encode("ascii"), np.uint8)
+            written.append(frame)
+
+
+def write_vtk(path: Path, run: Run) -> None:
+    """A trajectory as a `.pvd` file, which lists a `.vtu` file for each recorded time.
+
+    Those are in a folder of the same name beside it. Points are the centres (um), in the box on
+    periodic axes; of each there is `radius_um`, `velocity_um_per_s`, `spin_rad_per_s`, `id`, its
+    row in the arrays of the run, and `material` where there are several, in the run's precision.
+
+    Args:
+      path: of the list, which is written when all else is there.
+      run: one that recorded its trajectory.
+
+    Raises:
+      InputError: a run without a trajectory.
+      SimulationError: the run is not to be trusted.
+    """
+    from pyevtk.hl import pointsToVTK
+
+    position, velocity, spin = _moved(run)
+    size = np.asarray(run.box.size)
+    image = np.where(run.box.periodic, np.floor(position / size), 0.0)
+    centres = (PER_METRE * (position - size * image)).astype(position.dtype)
+    of_each = {
+        "radius_um": PER_METRE * np.asarray(run.radius),
+        "id": np.arange(run.state.particles),
+    }
+    if run.state.material is not None:
+        of_each["material"] = np.asarray(run.state.material)
+    path.unlink(missing_ok=True)  # what it lists is about to change
+    frames = path.with_suffix("")
+    files.result_folder(frames)
+    for old in frames.glob(f"{'[0-9]' * 6}.vtu"):
+        old.unlink()
+    lines = []
+    for number, time in enumerate(np.asarray(run.times, float)):
+        moving = {
+            "velocity_um_per_s": _columns(PER_METRE * velocity[number]),
+            "spin_rad_per_s": _columns(spin[number]),
+        }
+        frame = frames / f"{number:06d}.vtu"
+        with files.replacing(frame) as scratch:
+            pointsToVTK(str(scratch.with_suffix("")), *_columns(centres[number]), moving | of_each)
+        name = quoteattr(f"{frames.name}/{frame.name}")
+        lines.append(f'    <DataSet timestep="{float(time)!r}" part="0" file={name}/>\n')
+    files.write_text(
+        path,
+        '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
+        f"{''.join(lines)}  </Collection>\n</VTKFile>\n",
+    )
+
+
+def _moved(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions, velocities and spins, (frames + 1, N, 3) in SI."""
+    run.check()
+    if run.trajectory is None:
+        raise InputError("the run has no trajectory: give simulate or settle trajectory=True")
+    if run.trajectory.position.ndim != 3:
+        raise InputError(
+            "these are several runs: give one of them, jax.tree.map(lambda leaf: leaf[0], run)"
+        )
+    return tuple(np.asarray(rows) for rows in vars(run.trajectory).values())
+
+
+def _single(values: ArrayLike) -> np.ndarray:
+    """In one piece of memory, as GSD has it."""
+    return np.ascontiguousarray(values, np.float32)
+
+
+def _columns(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(N, 3) as three arrays, each in one piece of memory."""
+    return tuple(np.ascontiguousarray(column) for column in rows.T)
