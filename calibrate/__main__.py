@@ -58,6 +58,7 @@ from mrjax import InputError, SimulationError, commands, files
 @click.option("--leave-one-out", is_flag=True, help="Predicts each sample from the others, too.")
 @click.option("--predict", metavar="RECIPE", help="Predicts a recipe that was not measured.")
 @click.option("--like", metavar="SAMPLE", help="The sample whose parameters that recipe shares.")
+@commands.pdf_option
 @commands.seed_option
 @commands.dtype_option
 @click.option("--quiet", is_flag=True, help="No progress, no summary.")
@@ -72,6 +73,7 @@ def cli(
     leave_one_out: bool,
     predict: str | None,
     like: str | None,
+    pdf: bool,
     seed: int,
     dtype: str,
     quiet: bool,
@@ -130,6 +132,10 @@ def cli(
     result = report.summary(problem, fitted, identify(fitted), predicted, held, samples) | further
     result |= {
         "experiment": loaded.name,
+        "lab_sheets": {
+            sample.name: sample.recipe.model_dump(mode="json", exclude_none=True)
+            for sample in loaded.samples
+        },
         "model": model,
         "begun_with": begin_with,
         "seed": seed,
@@ -138,7 +144,8 @@ def cli(
         "wall_seconds": time.perf_counter() - began,
     }
     figures = plots.figures(problem, fitted, result, held, samples)
-    report.write(folder, report.markdown(loaded.name, model, result, figures), result, figures)
+    text = report.markdown(loaded.name, model, result, figures)
+    report.write(folder, text, result, figures, pdf)
     if not quiet:
         click.echo("\n".join(report.in_words(result)))
         for one in result.get("left_out", []) + result.get("new", []):

@@ -10,6 +10,10 @@ from calibrate.posterior import Posterior
 from calibrate.profile import LEVELS, Profile
 from calibrate.residuals import Problem
 from calibrate.units import CURVES, TIME_UNITS
+from mrjax.figures import COLUMN, STYLE
+
+MARKERS = "osD^v<>p"
+"""Of samples, one after the other."""
 
 
 def figures(
@@ -34,11 +38,12 @@ def figures(
     return found
 
 
+@STYLE
 def curves_figure(result: dict[str, Any]) -> Figure:
     """Measured curves with their errors, and predicted ones with a band of two standard errors."""
     rows = [one for one in result["predictions"] if one["observable"] in CURVES]
     names = list(dict.fromkeys(one["sample"] for one in rows))
-    figure = Figure(figsize=(1.0 + 3.4 * len(names), 3.2), layout="constrained")
+    figure = Figure(figsize=(COLUMN * len(names), 2.4), layout="constrained")
     for axes, name in zip(figure.subplots(1, len(names), squeeze=False)[0], names, strict=True):
         of_sample = [one for one in rows if one["sample"] == name]
         days = [one["time_s"] / TIME_UNITS["day"] for one in of_sample]
@@ -54,45 +59,53 @@ def curves_figure(result: dict[str, Any]) -> Figure:
         )
         predicted = np.array([one["predicted"] for one in of_sample])
         spread = 2.0 * np.array([one["predicted_error"] for one in of_sample])
-        axes.plot(days, predicted, color="tab:blue", label="predicted")
+        axes.plot(days, predicted, color="0.4", label="predicted")
         if np.isfinite(spread).all():
-            axes.fill_between(
-                days, predicted - spread, predicted + spread, color="tab:blue", alpha=0.3
-            )
+            axes.fill_between(days, predicted - spread, predicted + spread, color="0.85", zorder=0)
         axes.set_title(f"sample {name}")
         axes.set_xlabel("time, days")
         unit = of_sample[0]["unit"]
         what = spelled(of_sample[0]["observable"])
         axes.set_ylabel(what if unit == "1" else f"{what}, {unit}")
         axes.set_ylim(bottom=0.0)
-    axes.legend(frameon=False)
+    axes.legend()
     return figure
 
 
+@STYLE
 def residuals_figure(result: dict[str, Any]) -> Figure:
     """Predicted minus measured, in standard deviations of the measurement."""
     rows = result["predictions"]
     off = [(one["predicted"] - one["measured"]) / one["sigma"] for one in rows]
     names = list(dict.fromkeys(one["sample"] for one in rows))
-    figure = Figure(figsize=(4.6, 3.0), layout="constrained")
+    figure = Figure(figsize=(COLUMN, 2.4), layout="constrained")
     axes = figure.subplots()
     axes.axhspan(-2, 2, color="0.92")
     axes.axhline(0, color="0.5", lw=0.8)
-    for name in names:
+    for number, name in enumerate(names):
         of_sample = [place for place, one in enumerate(rows) if one["sample"] == name]
-        axes.plot(of_sample, [off[place] for place in of_sample], "o", ms=4, label=f"sample {name}")
+        axes.plot(
+            of_sample,
+            [off[place] for place in of_sample],
+            MARKERS[number % len(MARKERS)],
+            color="k",
+            markerfacecolor=("0.75", "k", "w")[number % 3],
+            ms=4,
+            label=f"sample {name}",
+        )
     axes.set_xticks([])
     axes.set_xlabel("measurements, in their order")
     axes.set_ylabel("(predicted - measured) / sigma")
     axes.set_ylim(-1.1 * max(3.0, *map(abs, off)), 1.1 * max(3.0, *map(abs, off)))
-    axes.legend(frameon=False)
+    axes.legend()
     return figure
 
 
+@STYLE
 def profiles_figure(problem: Problem, profiles: tuple[Profile, ...]) -> Figure:
     """Increase of chi-squared with each value, and the levels of its intervals."""
     of = {one.variable: one for one in problem.experiment.parameters}
-    figure = Figure(figsize=(0.6 + 2.8 * len(profiles), 2.8), layout="constrained")
+    figure = Figure(figsize=(0.4 + 1.65 * len(profiles), 1.9), layout="constrained")
     axes_of = figure.subplots(1, len(profiles), squeeze=False, sharey=True)[0]
     for axes, profile in zip(axes_of, profiles, strict=True):
         one = of[profile.name]
@@ -111,6 +124,7 @@ def profiles_figure(problem: Problem, profiles: tuple[Profile, ...]) -> Figure:
     return figure
 
 
+@STYLE
 def corner_figure(samples: Posterior) -> Figure:
     """Every pair of values, as sampled; their own distributions on the diagonal."""
     import corner
@@ -127,11 +141,12 @@ def corner_figure(samples: Posterior) -> Figure:
     return figure
 
 
+@STYLE
 def predictions_figure(result: dict[str, Any]) -> Figure:
     """Measured values with their uncertainty, predicted ones beside them."""
     rows = [one for one in result["predictions"] if one["observable"] not in CURVES]
     units = list(dict.fromkeys(one["unit"] for one in rows))
-    figure = Figure(figsize=(1.8 + 2.4 * len(units), 3.0), layout="constrained")
+    figure = Figure(figsize=(0.6 + 2.2 * len(units), 2.4), layout="constrained")
     for axes, unit in zip(figure.subplots(1, len(units), squeeze=False)[0], units, strict=True):
         of_unit = [one for one in rows if one["unit"] == unit]
         places = np.arange(len(of_unit))
@@ -159,20 +174,21 @@ def predictions_figure(result: dict[str, Any]) -> Figure:
         highest = max(max(one["measured"] + one["sigma"], one["predicted"]) for one in of_unit)
         axes.set_ylim(0, 1.15 * highest)  # room above the error bars
         axes.set_ylabel("ratio" if unit == "1" else unit)
-    axes.legend(frameon=False)
+    axes.legend()
     return figure
 
 
+@STYLE
 def loss_figure(fit: Fit) -> Figure:
     """Half the sum of squares against the step of the search, and after the finish."""
-    figure = Figure(figsize=(4.2, 3.0), layout="constrained")
+    figure = Figure(figsize=(COLUMN, 2.4), layout="constrained")
     axes = figure.subplots()
     search, end = fit.loss[:-1], fit.loss[-1]
     axes.semilogy(search, ".-", color="0.4", label="search")
     axes.semilogy([len(search)], [end], "D", color="black", label="finish")
     axes.set_xlabel("step")
     axes.set_ylabel("half the sum of squares,\ndata and priors")
-    axes.legend(frameon=False)
+    axes.legend()
     return figure
 
 

@@ -24,6 +24,11 @@ from mrjax import files
 LARGEST_CHI_SQUARED = 4.0
 """Of a degree of freedom, two standard deviations each: beyond it a fit is called a misfit."""
 
+MADE_BY = ("experiment", "lab_sheets", "model", "seed", "dtype", "versions")
+"""What of a result is told in the metadata of its figures, too."""
+PIXELS_PER_INCH = 144
+"""Of figures on the page."""
+
 SAID = {
     "carried_by_priors_alone": (
         "The individual value of {} is carried by the prior alone.",
@@ -298,15 +303,22 @@ The search looks for the valley; Levenberg-Marquardt finishes it, or on a kink a
 {notes}"""
 
 
-def write(folder: Path, text: str, result: dict[str, Any], figures: dict[str, Figure]) -> None:
+def write(
+    folder: Path, text: str, result: dict[str, Any], figures: dict[str, Figure], pdf: bool
+) -> None:
     """Writes `fit.json`, `report.md` with its figures, and `report.html` with all in one file."""
     files.write_json(folder / "fit.json", result)
     files.write_text(folder / "report.md", text)
+    made_by = {name: result[name] for name in MADE_BY}
     page = _html(text)
     for name, figure in figures.items():
-        figure.savefig(folder / f"{name}.png", dpi=150)
+        files.write_figure(folder, name, figure, made_by, pdf)
         image = base64.b64encode((folder / f"{name}.png").read_bytes()).decode("ascii")
-        page = page.replace(f'src="{name}.png"', f'src="data:image/png;base64,{image}"')
+        # So wide that the figure's letters are as large as those of the page.
+        width = round(PIXELS_PER_INCH * figure.get_figwidth())
+        page = page.replace(
+            f'src="{name}.png"', f'src="data:image/png;base64,{image}" width="{width}"'
+        )
     files.write_text(folder / "report.html", page)
 
 

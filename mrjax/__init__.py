@@ -11,7 +11,7 @@ from mrjax.disperse import disperse
 from mrjax.ensemble import ensemble
 from mrjax.errors import InputError, SimulationError
 from mrjax.history import Contacts
-from mrjax.loads import contact_forces, coordination_number
+from mrjax.loads import Touching, contact_forces, coordination_number, normal_forces
 from mrjax.observe import (
     HEIGHTS,
     asymptotes,
@@ -50,6 +50,7 @@ __all__ = [
     "Sedimentation",
     "SimulationError",
     "State",
+    "Touching",
     "Trajectory",
     "asymptotes",
     "bed_front",
@@ -62,6 +63,7 @@ __all__ = [
     "ensemble",
     "load_run",
     "mudline_descent",
+    "normal_forces",
     "place",
     "reynolds_number",
     "save_run",

@@ -29,13 +29,14 @@ def cli() -> None:
 
     From dispersed to rest: the whole sedimentation curve at the recipe's viscosity, with contacts
     softened to a greatest overlap (--overlap). With --duration, that long and with the real
-    moduli. Writes summary.json, curve.csv and settling.png.
+    moduli. Writes summary.json, curve.csv, run.npz (`mrjax.load_run`) and figures.
 
     \b
     Examples:
       mrjax simulate case2 --out results
       mrjax simulate mine.toml --ensemble 8 --overlap 0.02
       mrjax simulate mine.toml --duration 1e-6 --frames 200 --seed 3
+      mrjax simulate case2 --trajectory gsd --animate gif --pdf
       mrjax simulate mine.toml --ensemble 64 --distributed node7:1234,4,0   # 1, 2, 3 elsewhere
     """
 )
@@ -71,6 +72,19 @@ def cli() -> None:
     show_default=True,
     help="Number of random starts, with seeds from --seed on, to rest.",
 )
+@click.option(
+    "--trajectory",
+    type=click.Choice(["gsd", "vtk"]),
+    multiple=True,
+    help="Writes where all particles are in every frame, for OVITO (gsd) or ParaView (vtk).",
+)
+@click.option(
+    "--animate",
+    type=click.Choice(["gif", "mp4"]),
+    multiple=True,
+    help="Writes a film; MP4 needs ffmpeg.",
+)
+@commands.pdf_option
 @commands.distributed_option
 @commands.seed_option
 @commands.dtype_option
@@ -83,6 +97,9 @@ def simulate(
     frames: int,
     overlap: float,
     ensemble: int,
+    trajectory: tuple[str, ...],
+    animate: tuple[str, ...],
+    pdf: bool,
     distributed: tuple[str | None, int | None, int | None] | None,
     seed: int,
     dtype: str,
@@ -106,6 +123,8 @@ def simulate(
             checks.positive(value, name, "s")
     if duration is not None and ensemble > 1:
         raise click.UsageError("--ensemble goes to rest: leave out --duration")
+    for ending in animate:
+        figures.refuse_without_writer(Path(f"settling.{ending}"))
     folder = processes.by_first(lambda: files.result_folder(Path(out)))
     parameters = sheet.parameters()
     relaxation = float(timestep.relaxation_time(parameters).max())
@@ -115,18 +134,22 @@ def simulate(
             f"the run covers {duration / relaxation:.2g} relaxation times, too few for a settling "
             f"velocity: give --duration {STEADY_AFTER * relaxation:.2g} or more"
         )
+    recorded = bool(trajectory or animate)
+    start = mrjax.disperse(sheet, seed)
     rise = mrjax.simulate(
-        mrjax.disperse(sheet, seed),
+        start,
         parameters,
         sheet.box,
         duration=RELAXATIONS * relaxation if duration is None else duration,
         frames=frames,
         time_step=time_step if duration is not None else None,
         hindrance=sheet.hindrance,
+        trajectory=recorded and duration is not None,
     )
     velocity = float(mrjax.settling_velocity(rise))
     numbers = validity.numbers(parameters, velocity)
     warnings = validity.warnings(numbers)
+    made_by = commands.made_by(sheet, seed, dtype)
     summary = {
         "recipe": sheet.name,
         "settling_velocity_mm_per_day": figures.MM_PER_DAY * velocity,
@@ -149,32 +172,51 @@ def simulate(
             frames=frames,
             time_step=time_step,
             progress=not quiet and processes.is_first(),
+            trajectory=recorded,
         )
         if not processes.is_first():
             return
         run, columns = whole.run, _curve(whole)
+        runs = [jax.tree.map(lambda leaf, row=row: leaf[row], run) for row in range(ensemble)]
+        made_by["overlap_radii"] = overlap
         summary |= _at_rest(whole)
-        figure = figures.sedimentation(whole)
+        drawn = {
+            "settling": figures.sedimentation(whole),
+            "concentration": figures.concentration(runs[0]),
+            "particles": figures.particles(
+                {"dispersed": start.position, "at rest": runs[0].state.position},
+                runs[0].radius,
+                sheet.box,
+            ),
+        }
     else:
-        run, columns = rise, _columns(rise)
-        figure = figures.settling(rise, parameters)
+        run, columns, runs = rise, _columns(rise), [rise]
+        drawn = {"settling": figures.settling(rise, parameters)}
     summary |= {
         "duration_s": float(run.times.max()),
         "time_step_s": run.time_step,
         "steps": run.steps,
         "deepest_overlap_radii": run.deepest_overlap.max(),
         "deepest_overlap_coatings": run.coating_overlap.max(),
-        "seed": seed,
-        "dtype": dtype,
         "notes": notes,
         "warnings": warnings,
         "steady": duration is None or duration >= STEADY_AFTER * relaxation,
-        "versions": commands.versions(),
+        **made_by,
         "wall_seconds": time.perf_counter() - began,
     }
     files.write_json(folder / "summary.json", summary)
     files.write_csv(folder / "curve.csv", columns)
-    figure.savefig(folder / "settling.png", dpi=150)
+    mrjax.save_run(folder / "run.npz", runs[0] if ensemble == 1 else run, made_by)
+    for name, figure in drawn.items():
+        files.write_figure(folder, name, figure, made_by, pdf)
+    for number, one in enumerate(runs if recorded else []):
+        of_seed = "" if ensemble == 1 else f"-seed-{seed + number}"
+        if "gsd" in trajectory:
+            mrjax.write_gsd(folder / f"trajectory{of_seed}.gsd", one, made_by)
+        if "vtk" in trajectory:
+            mrjax.write_vtk(folder / f"trajectory{of_seed}.pvd", one)
+        for ending in animate:
+            figures.save_animation(folder / f"settling{of_seed}.{ending}", one)
     for warning in warnings:
         click.echo(f"mrjax: warning: {warning}", err=True)
     if quiet:
@@ -334,10 +376,11 @@ def check(recipe: str, as_json: bool) -> None:
     show_default=True,
     help="Random starts for each final ratio, with seeds from --seed on.",
 )
+@commands.pdf_option
 @commands.seed_option
 @commands.dtype_option
 @click.option("--quiet", is_flag=True, help="No progress, no table on the terminal.")
-def reproduce(out: str, ensemble: int, seed: int, dtype: str, quiet: bool) -> None:
+def reproduce(out: str, ensemble: int, pdf: bool, seed: int, dtype: str, quiet: bool) -> None:
     """Runs the paper's three cases and writes the comparison."""
     import mrjax
     from mrjax import paper_figures
@@ -369,10 +412,12 @@ def reproduce(out: str, ensemble: int, seed: int, dtype: str, quiet: bool) -> No
         ),
     )
     figures = paper_figures.of_paper(found, runs, settled)
+    made_by = {"seed": seed, "dtype": dtype, "versions": commands.versions()}
     for one in figures:
-        one.figure.savefig(folder / one.file, dpi=paper_figures.DOTS_PER_INCH)
+        files.write_figure(folder, one.name, one.figure, made_by, pdf)
     shown = "\n".join(
-        f"![Fig. {one.number}]({one.file})\n\nFig. {one.number}. {one.caption}\n" for one in figures
+        f"![Fig. {one.number}]({one.name}.png)\n\nFig. {one.number}. {one.caption}\n"
+        for one in figures
     )
     files.write_json(folder / "reproduce.json", paper.as_tables(found))
     files.write_text(

@@ -5,12 +5,16 @@ import os
 import re
 import sys
 from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import click
 import jax
 
 from mrjax import cache
 from mrjax.errors import InputError, SimulationError
+
+if TYPE_CHECKING:
+    from mrjax.recipe import Recipe
 
 UNTRUSTED, WRONG_INPUT, INTERRUPTED = 1, 2, 130
 """Exit statuses beside 0."""
@@ -37,6 +41,8 @@ seed_option = click.option(
     show_default=True,
     help="Of the random start.",
 )
+
+pdf_option = click.option("--pdf", is_flag=True, help="Writes figures as PDF, too.")
 
 dtype_option = click.option(
     "--dtype",
@@ -78,6 +84,17 @@ def set_precision(dtype: str) -> None:
 def versions() -> dict[str, str]:
     """Versions of the packages that made a result."""
     return {name: importlib.metadata.version(name) for name in PACKAGES}
+
+
+def made_by(sheet: "Recipe", seed: int, dtype: str) -> dict[str, Any]:
+    """What made a result; `Recipe.model_validate` takes its lab sheet."""
+    return {
+        "recipe": sheet.name,
+        "lab_sheet": sheet.model_dump(mode="json", exclude_none=True),
+        "seed": seed,
+        "dtype": dtype,
+        "versions": versions(),
+    }
 
 
 def run(command: click.Command, name: str) -> None:

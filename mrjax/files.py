@@ -8,14 +8,20 @@ import tempfile
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jax.typing import ArrayLike
 
 from mrjax.errors import InputError
 
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+DOTS_PER_INCH = 300
+"""Of figures as PNG."""
 METADATA = "metadata"
 """Entry of an npz file that says in JSON what its arrays are."""
 
@@ -118,6 +124,28 @@ class _Lines(list):
     """A list that csv can write to."""
 
     write = list.append
+
+
+def write_figure(
+    folder: Path, name: str, figure: "Figure", made_by: Mapping[str, Any], pdf: bool
+) -> None:
+    """A figure as PNG, and as PDF where asked for, each replaced at once.
+
+    Args:
+      folder, name: of the files, without their ending.
+      figure: matplotlib's.
+      made_by: recipe, seed, versions: kept as JSON in the description or subject of the files.
+      pdf: with fonts that can be edited.
+    """
+    from matplotlib import rc_context
+
+    by, text = f"mrjax {version('mrjax')}", json.dumps(plain(made_by))
+    kinds = {"png": {"Software": by, "Description": text}}
+    if pdf:
+        kinds["pdf"] = {"Creator": by, "Subject": text}
+    for kind, metadata in kinds.items():
+        with replacing(folder / f"{name}.{kind}") as scratch, rc_context({"pdf.fonttype": 42}):
+            figure.savefig(scratch, dpi=DOTS_PER_INCH, metadata=metadata)
 
 
 def markdown_table(header: list[str], rows: Iterable[Iterable[Any]]) -> str:

@@ -1,11 +1,13 @@
 """Contacts at one moment: how many, and what they exert."""
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from mrjax import checks, forces, history, neighbours, pairs, particle, schedule
+from mrjax import checks, contact, forces, history, neighbours, pairs, particle, schedule, surfaces
 from mrjax.box import Box
 from mrjax.concrete import concrete, known
 from mrjax.forces import Loads
@@ -59,6 +61,56 @@ def coordination_number(state: State, parameters: Parameters, box: Box) -> Array
     return jnp.where(listed.overflow == 0, listed.summed(count, count), -1)
 
 
+class Touching(NamedTuple):
+    """The C contacts of one moment, those with walls among them."""
+
+    first: np.ndarray
+    """Row of a particle, (C,)."""
+    second: np.ndarray
+    """Row of its partner, or from N on a wall: lower and upper end of x, then y, then z; (C,)."""
+    reach: np.ndarray
+    """From the centre of the first to that of the second, or to the wall; (C, 3) in m."""
+    force: np.ndarray
+    """Normal force, dissipation included; (C,) in N."""
+
+
+def normal_forces(state: State, parameters: Parameters, box: Box) -> Touching:
+    """Every contact and its normal force. Not for traced calls.
+
+    Args:
+      state: a moment of a run.
+      parameters, box: those of the run.
+
+    Raises:
+      InputError: parameters that do not fit the state.
+    """
+    listed, found, units = _moment(state, parameters, box)
+    reduced = _reduced(parameters, units, state)
+    separation = np.stack([np.asarray(part) for part in listed.separation], axis=1)
+    touching = np.asarray(found.overlap > 0.0)
+    velocity = np.asarray(state.velocity) / units.velocity
+    walls = np.zeros((pairs.WALLS, 3), velocity.dtype)
+    of_second = np.concatenate([velocity, walls])[np.asarray(listed.second)]
+    distance = np.sqrt((separation**2).sum(axis=1))
+    towards = (separation * (velocity[np.asarray(listed.first)] - of_second)).sum(axis=1)
+    constants = surfaces.of(reduced, state.material, listed)
+    force = contact.normal_force(
+        found.overlap,
+        jnp.asarray(-towards / np.where(distance > 0.0, distance, 1.0)),
+        constants.modulus,
+        constants.radius,
+        constants.mass,
+        constants.dissipation,
+        constants.damping,
+    )
+    return Touching(
+        np.asarray(listed.first)[touching],
+        np.asarray(listed.second)[touching],
+        -units.length * separation[touching],
+        units.of((1, 1, -2)) * np.asarray(force)[touching],
+    )
+
+
 def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, Loads, Units]:
     """The contacts of a moment and what they exert, in reduced units."""
     checks.meaningful(parameters, state.particles, state.material)
@@ -68,7 +120,7 @@ def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, Load
     checks.between_walls(box, diameter)
     length = diameter / 2
     units = Units(mass=1000.0 * length**3, length=length, time=length)
-    reduced = parameters.replace(gravity=0.0).reduced(units).astype(state.position.dtype)
+    reduced = _reduced(parameters, units, state)
     laws = forces.laws(parameters)
     position = state.position / units.length
     scaled = box.scaled(1 / units.length)
@@ -98,3 +150,8 @@ def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, Load
         history.begun(notes, listed),
     )
     return listed, found, units
+
+
+def _reduced(parameters: Parameters, units: Units, state: State) -> Parameters:
+    """Without gravity, so that the loads are those of the contacts."""
+    return parameters.replace(gravity=0.0).reduced(units).astype(state.position.dtype)

@@ -6,34 +6,20 @@ a run, Figs. 6 and 7 bars beside the measurements. Figs. 1 and 3 are sketches wi
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import product
 
 import jax
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mrjax import drag, observe
 from mrjax.dropped import INFERRED_FRICTION
+from mrjax.figures import COLUMN, STYLE, particles
 from mrjax.observe import Asymptotes
 from mrjax.reproduce import HABERMAN_SAYRE_EXACT, Row, Simulated
 from mrjax.sedimentation import Sedimentation, standard_error
 
-COLUMN = 3.4
-"""Width, inches."""
-DOTS_PER_INCH = 300
-SMALL = 7.5
-"""Of a legend, points."""
-
 COMPARED = ("case2", "case3")
 """The cases that the paper sets beside measurements."""
-
-AZIMUTH, ELEVATION = np.radians(25.0), np.radians(12.0)
-"""From where a box is looked at: to the right of its front, and from above."""
-SUN = np.array([-0.45, 0.55, 0.70])
-"""Direction of the light: to the right, up, towards the eye."""
-FINENESS = 30
-"""Pixels to a radius."""
 
 
 @dataclass(frozen=True)
@@ -45,9 +31,9 @@ class PaperFigure:
     caption: str
 
     @property
-    def file(self) -> str:
-        """Its name among the results."""
-        return f"figure-{self.number}.png"
+    def name(self) -> str:
+        """That of its files, without their ending."""
+        return f"figure-{self.number}"
 
 
 def of_paper(found: Sequence[Row], runs: Simulated, settled: Sedimentation) -> list[PaperFigure]:
@@ -109,7 +95,7 @@ def _configurations(number: int, case: str, runs: Simulated) -> PaperFigure:
     size = " x ".join(f"{1e6 * length:g}" for length in bed.box.size)
     return PaperFigure(
         number,
-        configurations(start.position, bed.state.position, bed.radius, bed.box.size),
+        particles({"initial": start.position, "final": bed.state.position}, bed.radius, bed.box),
         f"{start.particles} spheres of {2e6 * float(bed.radius.max()):g} um in a box of "
         f"{size} um, at random and at rest: dropped without drag, with a friction coefficient of "
         f"{INFERRED_FRICTION:g}.",
@@ -132,6 +118,7 @@ def _comparison(
     )
 
 
+@STYLE
 def wall_factor(exact: Mapping[float, float]) -> Figure:
     """f_w against the diameter ratio: Eq. 14, what it was fitted to, and its alternatives (Fig. 2).
 
@@ -157,10 +144,11 @@ def wall_factor(exact: Mapping[float, float]) -> Figure:
     axes.set_ylabel("wall correction factor $f_w$")
     axes.set_xlim(0.0, 1.0)
     axes.set_ylim(0.0, 80.0)
-    axes.legend(frameon=False, fontsize=SMALL, loc="upper left")
+    axes.legend(loc="upper left")
     return figure
 
 
+@STYLE
 def sedimentation_curve(times: np.ndarray, ratio: np.ndarray, lines: Asymptotes) -> Figure:
     """A sedimentation curve and its initial and final asymptotes (Fig. 4).
 
@@ -181,29 +169,11 @@ def sedimentation_curve(times: np.ndarray, ratio: np.ndarray, lines: Asymptotes)
     axes.set_xlabel("time, s")
     axes.set_ylabel("sedimentation ratio, %")
     axes.set_xlim(0.0, times[-1])
-    axes.legend(frameon=False, fontsize=SMALL)
+    axes.legend()
     return figure
 
 
-def configurations(
-    start: np.ndarray, end: np.ndarray, radius: np.ndarray, size: Sequence[float]
-) -> Figure:
-    """The particles before and after, in their box (Figs. 5 and 8).
-
-    Args:
-      start, end: centres, (N, 3) in m.
-      radius: of the coated particles, () or (N,) in m.
-      size: of the box, (3,) in m.
-    """
-    figure = Figure(figsize=(COLUMN, 2.92), layout="constrained")
-    for axes, centres, when in zip(
-        figure.subplots(1, 2), (start, end), ("initial", "final"), strict=True
-    ):
-        _spheres(axes, np.asarray(centres), np.asarray(radius), np.asarray(size))
-        axes.set_title(when, fontsize=9)
-    return figure
-
-
+@STYLE
 def bars(
     values: Mapping[str, Sequence[float]],
     cases: Sequence[str],
@@ -237,69 +207,10 @@ def bars(
             linewidth=0.7,
             label=source,
         )
-        axes.bar_label(drawn, fmt="%.1f", fontsize=SMALL, padding=2)
+        axes.bar_label(drawn, fmt="%.1f", padding=2)
     axes.set_xticks(middle, cases)
-    axes.set_ylabel(label, fontsize=9)
+    axes.set_ylabel(label)
     # Room for the numbers above the bars.
     axes.set_ylim(0.0, 1.15 * max(max(heights) for heights in values.values()))
-    figure.legend(frameon=False, fontsize=SMALL, ncols=3, loc="outside upper center")
+    figure.legend(ncols=3, loc="outside upper center")
     return figure
-
-
-def _spheres(axes: Axes, centres: np.ndarray, radius: np.ndarray, size: np.ndarray) -> None:
-    """Spheres and their box in parallel projection, nearer ones in front and lighter."""
-    corners = _seen(size * np.array(list(product((0, 1), repeat=3))))
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    shades, extent = _image(_seen(centres), np.broadcast_to(radius, len(centres)), low, high)
-    farthest = corners[:, 2].argmin()
-    for one, other in product(range(8), repeat=2):
-        # Corners are numbered in binary: an edge joins two that differ in one digit.
-        if one < other and (one ^ other).bit_count() == 1:
-            behind = farthest in (one, other)
-            ends = corners[[one, other]]
-            axes.plot(*ends[:, :2].T, "k-", linewidth=0.7, zorder=0 if behind else 2)
-    axes.imshow(shades, cmap="gray", vmin=0, vmax=1, origin="lower", extent=extent, zorder=1)
-    margin = 0.01 * size.max()
-    axes.set_xlim(low[0] - margin, high[0] + margin)
-    axes.set_ylim(low[1] - margin, high[1] + margin)
-    axes.set_aspect("equal", anchor="S")  # leaves room for the title
-    axes.set_axis_off()
-
-
-def _seen(points: np.ndarray) -> np.ndarray:
-    """Points (..., 3) as the eye has them: to the right, up, towards it."""
-    right = [np.cos(AZIMUTH), np.sin(AZIMUTH), 0.0]
-    back = [-np.sin(AZIMUTH), np.cos(AZIMUTH)]
-    up = [*(np.sin(ELEVATION) * np.array(back)), np.cos(ELEVATION)]
-    return points @ np.array([right, up, np.cross(right, up)]).T
-
-
-def _image(
-    centres: np.ndarray, radius: np.ndarray, low: np.ndarray, high: np.ndarray
-) -> tuple[np.ma.MaskedArray, tuple[float, float, float, float]]:
-    """Shades of the foremost surfaces, (rows, columns) from 0 to 1, and the picture's extent.
-
-    Lambert's law in parallel light, and darker with depth. Masked where there is no sphere.
-    """
-    pixel = radius.max() / FINENESS
-    columns, rows = np.ceil((high - low)[:2] / pixel).astype(int)
-    x = low[0] + (np.arange(columns) + 0.5) * pixel
-    y = low[1] + (np.arange(rows) + 0.5) * pixel
-    front, shades = np.full((rows, columns), -np.inf), np.zeros((rows, columns))
-    sun = SUN / np.linalg.norm(SUN)
-    for centre, own in zip(centres, radius, strict=True):
-        across = slice(*np.searchsorted(x, (centre[0] - own, centre[0] + own)))
-        along = slice(*np.searchsorted(y, (centre[1] - own, centre[1] + own)))
-        normal_x = (x[None, across] - centre[0]) / own
-        normal_y = (y[along, None] - centre[1]) / own
-        square = 1.0 - normal_x**2 - normal_y**2
-        normal_z = np.sqrt(np.maximum(square, 0.0))
-        depth = centre[2] + own * normal_z
-        visible = (square > 0.0) & (depth > front[along, across])
-        light = np.maximum(normal_x * sun[0] + normal_y * sun[1] + normal_z * sun[2], 0.0)
-        nearness = (centre[2] - low[2]) / (high[2] - low[2])
-        shade = (0.25 + 0.75 * light) * (0.45 + 0.55 * nearness)
-        front[along, across] = np.where(visible, depth, front[along, across])
-        shades[along, across] = np.where(visible, shade, shades[along, across])
-    extent = (low[0], low[0] + columns * pixel, low[1], low[1] + rows * pixel)
-    return np.ma.masked_where(np.isinf(front), shades), extent

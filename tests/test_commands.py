@@ -10,9 +10,12 @@ import time
 from functools import partial
 from pathlib import Path
 
+import gsd.hoomd
+import numpy as np
 import pytest
+from PIL import Image
 
-from mrjax import Recipe
+from mrjax import Recipe, load_run
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 
@@ -64,12 +67,21 @@ def test_simulate_writes_its_files(tmp_path, dtype):
     assert float(rows[-1]["mudline_m"]) == near(
         float(rows[-1]["sedimentation_ratio"]) * 50e-6, rel=1e-6
     )
-    assert (folder / "settling.png").read_bytes().startswith(b"\x89PNG")
     assert sorted(path.name for path in folder.iterdir()) == [
         "curve.csv",
+        "run.npz",
         "settling.png",
         "summary.json",
     ]
+    # What made it stands in all but the CSV, and makes it again.
+    with Image.open(folder / "settling.png") as image:
+        drawn_by = json.loads(image.text["Description"])
+    kept, made_by = load_run(folder / "run.npz")
+    assert made_by == drawn_by == {name: summary[name] for name in made_by}
+    assert Recipe.model_validate(made_by["lab_sheet"]) == Recipe.load("case3")
+    assert (made_by["seed"], made_by["dtype"]) == (5, dtype) and "jax" in made_by["versions"]
+    assert kept.times.dtype == dtype and kept.trajectory is None
+    assert [float(row["mudline_m"]) for row in rows] == [float(top) for top in kept.mudline]
 
 
 SMALL = """
@@ -101,6 +113,7 @@ def at_rest(tmp_path_factory):
     folder = tmp_path_factory.mktemp("rest")
     (folder / "small.toml").write_text(SMALL)
     arguments = ("small.toml", "--ensemble", "2", "--seed", "3", "--frames", "50", "--quiet")
+    arguments += ("--pdf", "--trajectory", "gsd", "--trajectory", "vtk", "--animate", "gif")
     status, out, err = run("simulate", *arguments, folder=folder)
     assert (status, out, err) == (0, "", "")
     return folder / "run"
@@ -162,7 +175,35 @@ def test_a_run_to_rest_writes_the_mean_curve(at_rest):
     ratios = [float(row["sedimentation_ratio"]) for row in rows]
     # Particles that move below may lift the highest: by less than 1e-4 of the box.
     assert ratios[0] == near(1.0, rel=0.05) and ratios[-1] < min(ratios) + 1e-4
-    assert (at_rest / "settling.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_run_to_rest_is_drawn_and_kept(at_rest):
+    summary = json.loads((at_rest / "summary.json").read_text())
+    starts = ("seed-3", "seed-4")
+    assert {path.name for path in at_rest.iterdir()} == {
+        *("summary.json", "curve.csv", "run.npz"),
+        *(f"{name}.png" for name in ("settling", "concentration", "particles")),
+        *(f"{name}.pdf" for name in ("settling", "concentration", "particles")),
+        *(f"settling-{start}.gif" for start in starts),
+        *(f"trajectory-{start}{end}" for start in starts for end in (".gsd", ".pvd", "")),
+    }
+    for figure in at_rest.glob("*.pdf"):
+        written = figure.read_bytes()
+        assert written.startswith(b"%PDF") and b"lab_sheet" in written
+    runs, made_by = load_run(at_rest / "run.npz")
+    assert made_by["overlap_radii"] == summary["overlap_radii"] == 0.025
+    ratio = runs.mudline[:, -1] / runs.initial_height
+    assert list(ratio) == near(summary["final_ratios"])
+    for number, start in enumerate(starts):
+        frames = len(runs.times[number])
+        assert len(list((at_rest / f"trajectory-{start}").iterdir())) == frames
+        with Image.open(at_rest / f"settling-{start}.gif") as film:
+            assert film.n_frames > 20
+        with gsd.hoomd.open(at_rest / f"trajectory-{start}.gsd", "r") as read:
+            assert len(read) == frames
+            assert json.loads(read[0].log["metadata"].tobytes()) == made_by
+            height = read[-1].particles.position[:, 2].astype(float) + 10.0
+        np.testing.assert_allclose(height, 1e6 * runs.heights[number, -1], rtol=0, atol=2**-20)
 
 
 def test_a_new_recipe_is_commented_and_its_options_work(tmp_path):
@@ -197,6 +238,7 @@ def test_check_shows_what_follows(tmp_path):
 
 def test_calibrate_writes_its_files(tmp_path):
     cheap = ("--model", "particles", "--begin-with", "closed-form")
+    cheap += ("--pdf",)
     status, out, err = run("fang2005", "--out", "fit", *cheap, module="calibrate", folder=tmp_path)
     assert status == 0, err
     assert "`f_w * f_s` = 61.4" in out
@@ -232,7 +274,10 @@ def test_calibrate_writes_its_files(tmp_path):
     assert page.count('src="data:image/png;base64,') == len(figures)
     for figure in figures:
         assert figure in report
-        assert (tmp_path / "fit" / figure).read_bytes().startswith(b"\x89PNG")
+        with Image.open(tmp_path / "fit" / figure) as image:
+            assert json.loads(image.text["Description"])["lab_sheets"] == fit["lab_sheets"]
+        assert (tmp_path / "fit" / figure).with_suffix(".pdf").read_bytes().startswith(b"%PDF")
+    assert Recipe.model_validate(fit["lab_sheets"]["B"]) == Recipe.load("case3")
 
 
 def test_calibrate_predicts_what_was_not_fitted(tmp_path):
@@ -315,6 +360,7 @@ WRONG = {
         ["simulate", "case2", "--duration", "100", "--time-step", "1e-3"],
         ["time_step = 0.001 s is unstable", "the largest that would do"],
     ),
+    "no such viewer": (["simulate", "case2", "--trajectory", "xyz"], ["'xyz'", "'gsd', 'vtk'"]),
     "out is a file": (["simulate", "case2", "--out", "file"], ["--out file", "another folder"]),
     "out under a file": (["reproduce", "--out", "file/x"], ["--out file/x", "another folder"]),
 }
@@ -330,6 +376,16 @@ def test_wrong_input_gets_one_line_and_status_2(tmp_path, name):
     for word in words:
         assert word in err
     assert (tmp_path / "file").read_text() == "not a folder"
+
+
+def test_mp4_without_ffmpeg_is_refused_before_any_work(tmp_path):
+    (tmp_path / "matplotlibrc").write_text("animation.ffmpeg_path: there-is-none\n")
+    status, out, err = run("simulate", "case2", "--animate", "mp4", folder=tmp_path)
+    assert status == 2 and out == ""
+    assert err == (
+        "mrjax: settling.mp4: MP4 needs the program ffmpeg, which is not there; give .gif\n"
+    )
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_prediction_must_say_what_it_is_like(tmp_path):

@@ -207,21 +207,6 @@ def test_figure_4_has_asymptotes_that_cross():
     assert curve[0] == near([0.0, 100.0]) and len(curve) == 201
 
 
-def test_spheres_are_drawn_to_scale_and_the_nearer_one_hides_the_other():
-    size = np.array([4.0, 4.0, 8.0])
-    middle = size / 2
-    towards_eye = np.linalg.inv(paper_figures._seen(np.eye(3)))[2]
-    centres = np.array([middle, middle + 1.5 * towards_eye])
-    figure = paper_figures.configurations(centres[:1], centres, np.array([1.0, 0.5])[:1], size)
-    single, both = (axes.images[0] for axes in figure.axes)
-    left, right, low, high = single.get_extent()
-    shades = single.get_array()
-    pixel = (right - left) * (high - low) / shades.size
-    assert pixel * shades.count() == near(np.pi, rel=0.01)
-    assert both.get_array().count() == shades.count()
-    assert both.get_array().max() > 1.1 * shades.max()
-
-
 def test_bars_have_the_heights_of_their_numbers():
     values = {"printed": (9.2, 4.0), "computed": (9.1, 4.9), "measured": (8.0, 3.6)}
     axes = paper_figures.bars(values, ("a", "b"), "velocity", {"computed": (0.1, 0.2)}).axes[0]

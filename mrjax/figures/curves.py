@@ -1,4 +1,4 @@
-"""Plots of a run; legible in grey, sized for a paper's column."""
+"""The curves of a run: how it begins to settle, and the whole way to rest."""
 
 import jax
 import numpy as np
@@ -7,6 +7,7 @@ from matplotlib.ticker import EngFormatter
 
 from mrjax import observe, theory
 from mrjax.concentration import concentration
+from mrjax.figures.style import PAGE, STYLE
 from mrjax.parameters import Parameters
 from mrjax.run import Run
 from mrjax.sedimentation import Sedimentation
@@ -15,6 +16,7 @@ MM_PER_DAY = 86400e3
 """1 m/s in mm/day."""
 
 
+@STYLE
 def settling(run: Run, parameters: Parameters) -> Figure:
     """Mean settling velocity against Eq. 27, and the descent of the mudline.
 
@@ -24,7 +26,7 @@ def settling(run: Run, parameters: Parameters) -> Figure:
     """
     run.check()
     times = np.asarray(run.times, float)
-    figure = Figure(figsize=(7.0, 2.8), layout="constrained")
+    figure = Figure(figsize=(PAGE, 2.4), layout="constrained")
     velocity, mudline = figure.subplots(1, 2)
     smooth = np.linspace(0.0, times[-1], 200)
     velocity.plot(
@@ -40,7 +42,7 @@ def settling(run: Run, parameters: Parameters) -> Figure:
         label=f"mean of {run.state.particles} particles",
     )
     velocity.set_ylabel("settling velocity, mm/day")
-    velocity.legend(frameon=False)
+    velocity.legend()
     mudline.plot(times, run.mudline[0] - np.asarray(run.mudline), "k-")
     mudline.set_ylabel("descent of the mudline")
     mudline.yaxis.set_major_formatter(EngFormatter("m"))
@@ -52,6 +54,7 @@ def settling(run: Run, parameters: Parameters) -> Figure:
     return figure
 
 
+@STYLE
 def sedimentation(whole: Sedimentation) -> Figure:
     """The whole curve with its two asymptotes (Son 2018, Fig. 4), and profiles of concentration.
 
@@ -61,7 +64,7 @@ def sedimentation(whole: Sedimentation) -> Figure:
     times = np.asarray(whole.run.times[0], float)
     ratio = np.asarray(whole.ratio(), float)
     first = jax.tree.map(lambda leaf: leaf[0], whole.run)
-    figure = Figure(figsize=(7.0, 3.0), layout="constrained")
+    figure = Figure(figsize=(PAGE, 2.6), layout="constrained")
     curve, profile = figure.subplots(1, 2)
     if len(ratio) > 1:
         curve.plot(times, ratio.T, color="0.65", linewidth=0.7)
@@ -71,7 +74,7 @@ def sedimentation(whole: Sedimentation) -> Figure:
     corners = ([0.0, crossing, times[-1]], [ratio[:, 0].mean(), final, final])
     curve.plot(*corners, "--", color="0.4", label="asymptotes")
     curve.set_ylabel("sedimentation ratio")
-    curve.legend(frameon=False)
+    curve.legend()
     curve.set_xlim(left=0)
     curve.xaxis.set_major_formatter(EngFormatter("s"))
     curve.set_xlabel("time")
@@ -86,7 +89,7 @@ def sedimentation(whole: Sedimentation) -> Figure:
         profile.plot(fraction[frame], levels / top, color=shade, label=label)
     profile.set_xlabel("volume fraction")
     profile.set_ylabel("height / initial height")
-    profile.legend(frameon=False)
+    profile.legend()
     profile.set_xlim(left=0)
     profile.set_ylim(0, 1)
     return figure

@@ -1,0 +1,26 @@
+"""Figures of a run for papers: legible in grey, one or two columns wide, with units."""
+
+from mrjax.figures.animation import refuse_without_writer, save_animation
+from mrjax.figures.contacts import force_chains, force_distribution
+from mrjax.figures.curves import MM_PER_DAY, sedimentation, settling
+from mrjax.figures.heat_map import concentration
+from mrjax.figures.sensitivities import sensitivities, sensitivity_curves
+from mrjax.figures.spheres import particles
+from mrjax.figures.style import COLUMN, PAGE, STYLE
+
+__all__ = [
+    "COLUMN",
+    "MM_PER_DAY",
+    "PAGE",
+    "STYLE",
+    "concentration",
+    "force_chains",
+    "force_distribution",
+    "particles",
+    "refuse_without_writer",
+    "save_animation",
+    "sedimentation",
+    "sensitivities",
+    "sensitivity_curves",
+    "settling",
+]

@@ -1,0 +1,108 @@
+"""The forces between the particles of a bed: how they are distributed, and the chains they form."""
+
+import numpy as np
+from matplotlib.collections import LineCollection, PatchCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+from matplotlib.ticker import EngFormatter
+
+from mrjax import particle
+from mrjax.box import Box
+from mrjax.errors import InputError
+from mrjax.figures import spheres
+from mrjax.figures.style import COLUMN, STYLE
+from mrjax.loads import Touching, normal_forces
+from mrjax.parameters import Parameters, per_particle
+from mrjax.state import State
+
+THICKEST = 3.5
+"""Line of a force of `STRONG` times the mean, or more; points."""
+STRONG = 4.0
+
+
+@STYLE
+def force_distribution(state: State, parameters: Parameters, box: Box) -> Figure:
+    """Probability density of normal forces over their mean, walls included, on a logarithmic axis.
+
+    Beside it the exponential of the same mean, to whose tail that of granular packings is compared.
+
+    Args:
+      state: a moment of a run.
+      parameters, box: those of the run.
+
+    Raises:
+      InputError: nothing touches.
+    """
+    force = _touching(state, parameters, box).force
+    ratio = force / force.mean()
+    bins = max(5, round(2.0 * len(ratio) ** (1 / 3)))  # Rice's rule
+    density, edges = np.histogram(ratio, bins, (0.0, ratio.max()), density=True)
+    figure = Figure(figsize=(COLUMN, 2.4), layout="constrained")
+    axes = figure.subplots()
+    middle = 0.5 * (edges[1:] + edges[:-1])
+    held = density > 0.0
+    axes.semilogy(middle[held], density[held], "ko", ms=3, label=f"{len(ratio)} contacts")
+    smooth = np.linspace(0.0, edges[-1], 100)
+    axes.semilogy(smooth, np.exp(-smooth), "--", color="0.5", label="exponential, the same mean")
+    axes.set_xlim(0.0, edges[-1])
+    axes.set_xlabel(f"normal force / its mean, {_with_prefix(force.mean())}")
+    axes.set_ylabel("probability density")
+    axes.legend()
+    return figure
+
+
+@STYLE
+def force_chains(state: State, parameters: Parameters, box: Box) -> Figure:
+    """Normal forces as lines between the centres of what touches, thicker where they are stronger.
+
+    Args:
+      state: a moment of a run.
+      parameters, box: those of the run.
+
+    Raises:
+      InputError: nothing touches.
+    """
+    found = _touching(state, parameters, box)
+    size = np.asarray(box.size)
+    centres = spheres.inside(state.position, box)
+    radius = np.asarray(per_particle(particle.outer_radius(parameters), state.particles))
+    seen = spheres.seen(centres)
+    ends = spheres.seen(centres[found.first] + found.reach)
+    strength = np.minimum(found.force / found.force.mean(), STRONG) / STRONG
+    weakest_first = np.argsort(strength)
+    width, height = np.ptp(spheres.bounds(size)[:, :2], axis=0)
+    figure = Figure(figsize=(COLUMN, 0.3 + COLUMN * min(height / width, 1.3)), layout="constrained")
+    axes = figure.subplots()
+    axes.add_collection(
+        PatchCollection(
+            [Circle(place, own) for place, own in zip(seen[:, :2], radius, strict=True)],
+            facecolor="none",
+            edgecolor="0.85",
+            linewidth=0.4,
+            zorder=1,
+        )
+    )
+    axes.add_collection(
+        LineCollection(
+            np.stack([seen[found.first, :2], ends[:, :2]], axis=1)[weakest_first],
+            linewidths=THICKEST * strength[weakest_first],
+            colors=[str(shade) for shade in 0.6 * (1.0 - strength[weakest_first])],
+            capstyle="round",
+            zorder=2,
+        )
+    )
+    spheres.draw_box(axes, size)
+    mean = _with_prefix(found.force.mean())
+    axes.set_title(f"{len(found.force)} contacts, mean normal force {mean}")
+    return figure
+
+
+def _touching(state: State, parameters: Parameters, box: Box) -> Touching:
+    found = normal_forces(state, parameters, box)
+    if not len(found.force):
+        raise InputError("nothing touches in this state: give that of a bed")
+    return found
+
+
+def _with_prefix(force: float) -> str:
+    return EngFormatter("N", places=2)(force)

@@ -1,0 +1,46 @@
+"""The concentration over height and time."""
+
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import EngFormatter
+
+from mrjax.concentration import concentration as volume_fraction
+from mrjax.figures.style import COLUMN, STYLE
+from mrjax.run import Run
+
+LEVELS = 200
+
+
+@STYLE
+def concentration(run: Run, thickness: float | None = None) -> Figure:
+    """Volume fraction over height and time, and the mudline.
+
+    Args:
+      run: in a box with a floor.
+      thickness: of the slabs that are counted, m; left out, two largest diameters, which evens out
+        the layers of a packing.
+
+    Raises:
+      InputError: a thickness that is none, or a box without a floor.
+      SimulationError: the run is not to be trusted.
+    """
+    if thickness is None:
+        thickness = 4.0 * float(run.radius.max())
+    edges = np.linspace(0.0, run.box.height, LEVELS + 1)
+    fraction = volume_fraction(run, 0.5 * (edges[1:] + edges[:-1]), thickness)
+    times = np.asarray(run.times, float)
+    # A recorded time stands for what is nearer to it than to the others.
+    begins = np.concatenate([times[:1], 0.5 * (times[1:] + times[:-1]), times[-1:]])
+    figure = Figure(figsize=(COLUMN, 2.4), layout="constrained")
+    axes = figure.subplots()
+    drawn = axes.pcolormesh(begins, edges, np.asarray(fraction).T, vmin=0.0, rasterized=True)
+    axes.plot(times, run.mudline, "k--", linewidth=0.8, label="top of the highest particle")
+    axes.set_xlim(times[0], times[-1])
+    axes.set_ylim(0.0, run.box.height)
+    axes.set_xlabel("time")
+    axes.set_ylabel("height")
+    axes.xaxis.set_major_formatter(EngFormatter("s"))
+    axes.yaxis.set_major_formatter(EngFormatter("m"))
+    axes.legend(loc="upper right")
+    figure.colorbar(drawn, ax=axes, label="volume fraction")
+    return figure

@@ -1,0 +1,164 @@
+"""The particles in their box: spheres with their true radii in parallel projection, shaded."""
+
+from collections.abc import Mapping
+from itertools import product
+
+import numpy as np
+from jax.typing import ArrayLike
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.image import AxesImage
+
+from mrjax.box import Box
+from mrjax.errors import InputError
+from mrjax.figures.style import COLUMN, PAGE, STYLE
+
+AZIMUTH, ELEVATION = np.radians(25.0), np.radians(12.0)
+"""From where a box is looked at: to the right of its front, and from above."""
+SUN = np.array([-0.45, 0.55, 0.70])
+"""Direction of the light: to the right, up, towards the eye."""
+FINENESS = 30.0
+"""Pixels to a radius."""
+MOST_PIXELS = 2000
+"""Along a side of the picture; more than print shows."""
+
+
+@STYLE
+def particles(positions: Mapping[str, ArrayLike], radius: ArrayLike, box: Box) -> Figure:
+    """The particles in their box at one moment, or several side by side.
+
+    Nearer surfaces hide others and are lighter. On periodic axes particles are drawn where their
+    centres lie in the box.
+
+    Args:
+      positions: centres by the title of their moment, (N, 3) in m; such as
+        `{"dispersed": state.position, "at rest": run.state.position}`.
+      radius: of the coated particles, () or (N,) in m, such as `run.radius`.
+      box: of the run.
+
+    Raises:
+      InputError: no positions, or an array of another shape.
+    """
+    centres = {title: np.asarray(values, float) for title, values in positions.items()}
+    radius = np.asarray(radius, float)
+    if not centres:
+        raise InputError("positions is empty: give at least one moment")
+    for title, places in centres.items():
+        if places.ndim != 2 or places.shape[1] != 3 or radius.shape not in ((), places.shape[:1]):
+            raise InputError(
+                f"positions[{title!r}] have shape {places.shape} and radius {radius.shape}; give "
+                "(N, 3), and () or (N,)"
+            )
+    low, high = bounds(np.asarray(box.size))
+    width, height = (high - low)[:2]
+    each = min(COLUMN / 2, PAGE / len(centres))
+    figure = Figure(
+        figsize=(each * len(centres), 0.2 + each * height / width), layout="constrained"
+    )
+    panels = figure.subplots(1, len(centres), squeeze=False)[0]
+    for axes, (title, places) in zip(panels, centres.items(), strict=True):
+        draw(axes, inside(places, box), radius, np.asarray(box.size))
+        axes.set_title(title)
+    return figure
+
+
+def draw(
+    axes: Axes,
+    centres: np.ndarray,
+    radius: np.ndarray,
+    size: np.ndarray,
+    fineness: float = FINENESS,
+) -> AxesImage:
+    """Spheres and their box.
+
+    Args:
+      axes: to draw in.
+      centres: in the box, (N, 3) in m.
+      radius: () or (N,) in m.
+      size: of the box, (3,) in m.
+      fineness: pixels to the largest radius, if the picture does not become too large.
+    """
+    drawn = axes.imshow(
+        image(centres, radius, size, fineness),
+        cmap="gray",
+        vmin=0,
+        vmax=1,
+        origin="lower",
+        extent=bounds(size)[:, :2].T.ravel(),
+        zorder=1,
+    )
+    draw_box(axes, size)
+    return drawn
+
+
+def draw_box(axes: Axes, size: np.ndarray) -> None:
+    """The edges of a box, those behind what is in it and those in front."""
+    corners = seen(size * np.array(list(product((0, 1), repeat=3))))
+    low, high = bounds(size)
+    farthest = corners[:, 2].argmin()
+    for one, other in product(range(8), repeat=2):
+        # Corners are numbered in binary: an edge joins two that differ in one digit.
+        if one < other and (one ^ other).bit_count() == 1:
+            behind = farthest in (one, other)
+            ends = corners[[one, other]]
+            axes.plot(*ends[:, :2].T, "k-", linewidth=0.7, zorder=0 if behind else 3)
+    margin = 0.01 * size.max()
+    axes.set_xlim(low[0] - margin, high[0] + margin)
+    axes.set_ylim(low[1] - margin, high[1] + margin)
+    axes.set_aspect("equal", anchor="S")  # leaves room for the title
+    axes.set_axis_off()
+
+
+def inside(position: ArrayLike, box: Box) -> np.ndarray:
+    """Positions moved into the box along its periodic axes; (..., 3) in m."""
+    place, size = np.asarray(position, float), np.asarray(box.size)
+    return place - size * np.where(box.periodic, np.floor(place / size), 0.0)
+
+
+def seen(points: np.ndarray) -> np.ndarray:
+    """Points (..., 3) as the eye has them: to the right, up, towards it."""
+    right = [np.cos(AZIMUTH), np.sin(AZIMUTH), 0.0]
+    back = [-np.sin(AZIMUTH), np.cos(AZIMUTH)]
+    up = [*(np.sin(ELEVATION) * np.array(back)), np.cos(ELEVATION)]
+    return points @ np.array([right, up, np.cross(right, up)]).T
+
+
+def bounds(size: np.ndarray) -> np.ndarray:
+    """The least and the greatest of a box as the eye has it; (2, 3)."""
+    corners = seen(size * np.array(list(product((0, 1), repeat=3))))
+    return np.array([corners.min(axis=0), corners.max(axis=0)])
+
+
+def image(
+    centres: np.ndarray, radius: np.ndarray, size: np.ndarray, fineness: float
+) -> np.ma.MaskedArray:
+    """Shades of the foremost surfaces within the bounds, (rows, columns) from 0 to 1.
+
+    Lambert's law in parallel light, and darker with depth. Masked where there is no sphere.
+    """
+    centres, radius = seen(centres), np.broadcast_to(radius, len(centres))
+    low, high = bounds(size)
+    pixel = max(radius.max() / fineness, (high - low)[:2].max() / MOST_PIXELS)
+    (columns, width), (rows, height) = (
+        (count, length / count)
+        for length, count in ((length, int(np.ceil(length / pixel))) for length in (high - low)[:2])
+    )
+    x = low[0] + (np.arange(columns) + 0.5) * width
+    y = low[1] + (np.arange(rows) + 0.5) * height
+    front, shades = np.full((rows, columns), -np.inf), np.zeros((rows, columns))
+    sun = SUN / np.linalg.norm(SUN)
+    for centre, own in zip(centres, radius, strict=True):
+        across = slice(*np.searchsorted(x, (centre[0] - own, centre[0] + own)))
+        along = slice(*np.searchsorted(y, (centre[1] - own, centre[1] + own)))
+        normal_x = (x[None, across] - centre[0]) / own
+        normal_y = (y[along, None] - centre[1]) / own
+        square = 1.0 - normal_x**2 - normal_y**2
+        normal_z = np.sqrt(np.maximum(square, 0.0))
+        depth = centre[2] + own * normal_z
+        visible = (square > 0.0) & (depth > front[along, across])
+        light = np.maximum(normal_x * sun[0] + normal_y * sun[1] + normal_z * sun[2], 0.0)
+        nearness = (centre[2] - low[2]) / (high[2] - low[2])
+        shade = (0.25 + 0.75 * light) * (0.45 + 0.55 * nearness)
+        front[along, across] = np.where(visible, depth, front[along, across])
+        shades[along, across] = np.where(visible, shade, shades[along, across])
+    return np.ma.masked_where(np.isinf(front), shades)
