@@ -50,9 +50,9 @@ def test_the_table_of_reproduced_numbers_is_what_the_command_gives(paper_runs):
 
 def test_every_file_is_in_the_table_of_files():
     for package in ("mrjax", "calibrate"):
-        for path in (ROOT / package).glob("*.py"):
+        for path in (ROOT / package).rglob("*.py"):
             if path.name != "__init__.py":
-                assert f"`{package}/{path.name}`" in README
+                assert f"`{path.relative_to(ROOT).as_posix()}`" in README
 
 
 def test_every_closure_is_in_the_table_of_closures():
