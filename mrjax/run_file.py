@@ -14,7 +14,7 @@ from mrjax.run import Run
 from mrjax.state import State
 from mrjax.trajectory import Trajectory
 
-ALONG = {
+OF_RUN = {
     "times_s": "times",
     "heights_m": "heights",
     "radius_m": "radius",
@@ -25,9 +25,9 @@ ALONG = {
     "fault": "fault",
 }
 """Fields of `Run` by the names of their arrays."""
-PLACES = {"position_m": "position", "velocity_m_per_s": "velocity", "spin_rad_per_s": "spin"}
+OF_EACH = {"position_m": "position", "velocity_m_per_s": "velocity", "spin_rad_per_s": "spin"}
 """Fields of `State` and `Trajectory`."""
-MEMORY = {"partner": "partner", "sliding_m": "sliding", "rolling_rad": "rolling"}
+OF_CONTACTS = {"partner": "partner", "sliding_m": "sliding", "rolling_rad": "rolling"}
 """Fields of `Contacts`."""
 
 
@@ -44,13 +44,13 @@ def save_run(path: Path, run: Run, made_by: Mapping[str, Any]) -> None:
     """
     run.check()
     state = run.state
-    arrays = {name: getattr(run, field) for name, field in ALONG.items()}
-    arrays |= {f"last_{name}": getattr(state, field) for name, field in PLACES.items()}
+    arrays = {name: getattr(run, field) for name, field in OF_RUN.items()}
+    arrays |= {f"last_{name}": getattr(state, field) for name, field in OF_EACH.items()}
     if run.trajectory is not None:
-        arrays |= {name: getattr(run.trajectory, field) for name, field in PLACES.items()}
+        arrays |= {name: getattr(run.trajectory, field) for name, field in OF_EACH.items()}
     if state.contacts is not None:
         arrays |= {
-            f"contact_{name}": getattr(state.contacts, field) for name, field in MEMORY.items()
+            f"contact_{name}": getattr(state.contacts, field) for name, field in OF_CONTACTS.items()
         }
     arrays["material"] = state.material
     files.write_npz(
@@ -85,11 +85,13 @@ def load_run(path: str | Path) -> tuple[Run, dict[str, Any]]:
         return {field: found.get(prefix + name) for name, field in names.items()}
 
     try:
-        contacts = Contacts(**fields(MEMORY, "contact_")) if "contact_partner" in found else None
+        contacts = (
+            Contacts(**fields(OF_CONTACTS, "contact_")) if "contact_partner" in found else None
+        )
         return Run(
-            **{field: found[name] for name, field in ALONG.items()},
+            **{field: found[name] for name, field in OF_RUN.items()},
             state=State(
-                **fields(PLACES, "last_"),
+                **fields(OF_EACH, "last_"),
                 contacts=contacts,
                 material=found.get("material"),
                 contact_diameter=told["contact_diameter_m"],
@@ -97,7 +99,7 @@ def load_run(path: str | Path) -> tuple[Run, dict[str, Any]]:
             box=Box(tuple(told["box_size_m"]), tuple(told["box_periodic"])),
             time_step=told["time_step_s"],
             steps=told["steps"],
-            trajectory=Trajectory(**fields(PLACES)) if "position_m" in found else None,
+            trajectory=Trajectory(**fields(OF_EACH)) if "position_m" in found else None,
         ), told["made_by"]
     except KeyError as error:
         raise InputError(f"{path}: has no {error}, so it is not of a run; give another") from None

@@ -81,7 +81,7 @@ def write_vtk(path: Path, run: Run) -> None:
       run: one that recorded its trajectory.
 
     Raises:
-      InputError: a run without a trajectory.
+      InputError: a run without a trajectory, or a folder that cannot be made.
       SimulationError: the run is not to be trusted.
     """
     from pyevtk.hl import pointsToVTK
@@ -96,9 +96,14 @@ def write_vtk(path: Path, run: Run) -> None:
     }
     if run.state.material is not None:
         of_each["material"] = np.asarray(run.state.material)
-    path.unlink(missing_ok=True)  # what it lists is about to change
     frames = path.with_suffix("")
-    files.result_folder(frames)
+    try:
+        frames.mkdir(exist_ok=True)
+    except OSError as error:
+        raise InputError(
+            f"{frames}: cannot be made ({error.strerror}); give another name"
+        ) from None
+    path.unlink(missing_ok=True)  # what it lists is about to change
     for old in frames.glob(f"{'[0-9]' * 6}.vtu"):
         old.unlink()
     lines = []

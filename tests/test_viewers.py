@@ -167,6 +167,9 @@ def test_what_is_no_trajectory_is_refused(run, tmp_path):
         with pytest.raises(SimulationError, match="give a smaller time_step"):
             write(tmp_path / "a", spoilt)
     assert list(tmp_path.iterdir()) == []
+    (tmp_path / "a").touch()
+    with pytest.raises(InputError, match="a: cannot be made"):
+        viewers.write_vtk(tmp_path / "a.pvd", run)
     mrjax.files.write_npz(tmp_path / "other.npz", {"a": np.zeros(3)}, {})
     with pytest.raises(InputError, match=r"other\.npz: has no 'times_s', so it is not of a run"):
         mrjax.load_run(tmp_path / "other.npz")
