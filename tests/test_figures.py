@@ -61,7 +61,7 @@ def test_spheres_are_drawn_to_scale_and_the_nearer_one_hides_the_other():
     size = np.array([4.0, 4.0, 8.0])
     middle = size / 2
     towards_eye = np.linalg.inv(spheres.seen(np.eye(3)))[2]
-    moments = {"one": [middle], "two": [middle, middle + 1.5 * towards_eye]}
+    moments = {"one": [middle], "two": [middle + 1.5 * towards_eye, middle]}
     figure = drawn(figures.particles(moments, 1.0, mrjax.Box(tuple(size))))
     assert [axes.get_title() for axes in figure.axes] == ["one", "two"]
     assert figure.get_figwidth() == figures.COLUMN
