@@ -1,19 +1,10 @@
-"""Fits the simulator to measurements, and says what the data determine."""
+"""Fits the simulator to measurements, and says what the data determine.
+
+The public names are those of `__init__.pyi`, each imported when it is first used.
+"""
+
+import lazy_loader
 
 import mrjax  # noqa: F401 - has to come before JAX, so that it can hush it
-from calibrate.data import Experiment
-from calibrate.fit import Fit, LogNormal, fit
-from calibrate.identify import Identification, identify
-from calibrate.predict import FORWARD_MODELS
-from calibrate.residuals import Problem
 
-__all__ = [
-    "FORWARD_MODELS",
-    "Experiment",
-    "Fit",
-    "Identification",
-    "LogNormal",
-    "Problem",
-    "fit",
-    "identify",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -6,12 +6,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import click
-import numpy as np
 
-from mrjax import InputError, SimulationError, commands, files
+from mrjax import InputError, SimulationError, commands
 
 
 @click.command(
+    epilog=commands.EXIT_STATUS,
     help="""Fits an EXPERIMENT, bundled (fang2005, synthetic) or a TOML file of samples and
     parameters.
 
@@ -24,10 +24,10 @@ from mrjax import InputError, SimulationError, commands, files
       mrjax-calibrate mine.toml --begin-with closed-form
       mrjax-calibrate mine.toml --leave-one-out
       mrjax-calibrate mine.toml --predict new.toml --like A
-    """
+    """,
 )
 @click.version_option(package_name="mrjax")
-@click.argument("experiment")
+@click.argument("experiment", shell_complete=commands.sheet_names("calibrate.experiments"))
 @commands.out_option("fit")
 @click.option(
     "--model",
@@ -56,12 +56,18 @@ from mrjax import InputError, SimulationError, commands, files
 )
 @click.option("--posterior", is_flag=True, help="Samples the posterior; needs mrjax[posterior].")
 @click.option("--leave-one-out", is_flag=True, help="Predicts each sample from the others, too.")
-@click.option("--predict", metavar="RECIPE", help="Predicts a recipe that was not measured.")
+@click.option(
+    "--predict",
+    metavar="RECIPE",
+    shell_complete=commands.sheet_names("mrjax.recipes"),
+    help="Predicts a recipe that was not measured.",
+)
 @click.option("--like", metavar="SAMPLE", help="The sample whose parameters that recipe shares.")
 @commands.pdf_option
 @commands.seed_option
 @commands.dtype_option
-@click.option("--quiet", is_flag=True, help="No progress, no summary.")
+@commands.quiet_option
+@commands.json_option
 def cli(
     experiment: str,
     out: str,
@@ -77,8 +83,11 @@ def cli(
     seed: int,
     dtype: str,
     quiet: bool,
+    as_json: bool,
 ) -> None:
     """Fits an experiment and reports."""
+    import numpy as np
+
     from calibrate import forecast, plots, report
     from calibrate.calibration import calibrated
     from calibrate.data import Experiment
@@ -86,9 +95,10 @@ def cli(
     from calibrate.posterior import posterior as sampled
     from calibrate.posterior import refuse_without_sampler
     from calibrate.profile import profiles
+    from mrjax import files
 
     began = time.perf_counter()
-    commands.set_precision(dtype)
+    commands.start_jax(dtype)
     loaded = Experiment.load(experiment)
     _refuse_options(model, begin_with, predict, like)
     if leave_one_out:
@@ -146,7 +156,9 @@ def cli(
     figures = plots.figures(problem, fitted, result, held, samples)
     text = report.markdown(loaded.name, model, result, figures)
     report.write(folder, text, result, figures, pdf)
-    if not quiet:
+    if as_json:
+        click.echo(files.as_json(result))
+    elif not quiet:
         click.echo("\n".join(report.in_words(result)))
         for one in result.get("left_out", []) + result.get("new", []):
             click.echo(report.line(one))

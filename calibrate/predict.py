@@ -19,7 +19,7 @@ from calibrate.suspension import BED, CLOSURE, Suspension
 from calibrate.units import CURVES
 from mrjax import InputError, checks, observe, particle, timestep
 from mrjax.concrete import concrete
-from mrjax.sedimentation import OVERLAP
+from mrjax.overlap import OVERLAP
 
 RELAXATIONS = 40
 """Length of a run, and its number of steps: the start is forgotten to e^-40, and to 1e-5 where

@@ -1,16 +1,14 @@
 """`mrjax`: simulates a recipe, recomputes the paper."""
 
-import json
 import time
 from importlib import resources
 from pathlib import Path
 
 import click
 
-from mrjax import commands, files, processes, timestep
+from mrjax import commands
 from mrjax.errors import InputError
-from mrjax.sedimentation import OVERLAP, standard_error
-from mrjax.soften import MOST_OVERLAP
+from mrjax.overlap import MOST_OVERLAP, OVERLAP
 
 STEADY_AFTER = 10.0
 """Relaxation times after which a velocity is steady to 5e-5."""
@@ -18,13 +16,14 @@ RELAXATIONS = 20.0
 """Length of the run that gives the initial settling velocity to eight digits."""
 
 
-@click.group(no_args_is_help=False)
+@click.group(no_args_is_help=False, epilog=commands.EXIT_STATUS)
 @click.version_option(package_name="mrjax")
 def cli() -> None:
     """Settling of magnetorheological fluids by a differentiable discrete element method."""
 
 
 @cli.command(
+    epilog=commands.EXIT_STATUS,
     help="""Follows the particles of a RECIPE, bundled (case1, case2, case3) or a TOML file.
 
     From dispersed to rest: the whole sedimentation curve at the recipe's viscosity, with contacts
@@ -38,9 +37,9 @@ def cli() -> None:
       mrjax simulate mine.toml --duration 1e-6 --frames 200 --seed 3
       mrjax simulate case2 --trajectory gsd --animate gif --pdf
       mrjax simulate mine.toml --ensemble 64 --distributed node7:1234,4,0   # 1, 2, 3 elsewhere
-    """
+    """,
 )
-@click.argument("recipe")
+@click.argument("recipe", shell_complete=commands.sheet_names("mrjax.recipes"))
 @commands.out_option("run")
 @click.option("--duration", type=float, metavar="SECONDS", help="Physical time to cover.")
 @click.option(
@@ -88,7 +87,8 @@ def cli() -> None:
 @commands.distributed_option
 @commands.seed_option
 @commands.dtype_option
-@click.option("--quiet", is_flag=True, help="No progress, no summary on the terminal.")
+@commands.quiet_option
+@commands.json_option
 def simulate(
     recipe: str,
     out: str,
@@ -104,15 +104,16 @@ def simulate(
     seed: int,
     dtype: str,
     quiet: bool,
+    as_json: bool,
 ) -> None:
     """Runs a recipe and writes what was observed."""
     import jax
 
     import mrjax
-    from mrjax import checks, figures, validity
+    from mrjax import checks, figures, files, processes, timestep, validity
 
     began = time.perf_counter()
-    commands.set_precision(dtype)
+    commands.start_jax(dtype)
     if distributed is not None:
         if duration is not None:
             raise click.UsageError("--distributed divides an --ensemble: leave out --duration")
@@ -152,8 +153,8 @@ def simulate(
     made_by = commands.made_by(sheet, seed, dtype)
     summary = {
         "recipe": sheet.name,
-        "settling_velocity_mm_per_day": figures.MM_PER_DAY * velocity,
-        "closed_form_mm_per_day": figures.MM_PER_DAY * mrjax.terminal_velocity(parameters).mean(),
+        "settling_velocity_mm_per_day": mrjax.MM_PER_DAY * velocity,
+        "closed_form_mm_per_day": mrjax.MM_PER_DAY * mrjax.terminal_velocity(parameters).mean(),
         **{f"{one.name.lower()}_number": one.value for one in numbers},
         "particles": rise.state.particles,
         "volume_fraction": sheet.volume_fraction,
@@ -219,12 +220,14 @@ def simulate(
             figures.save_animation(folder / f"settling{of_seed}.{ending}", one)
     for warning in warnings:
         click.echo(f"mrjax: warning: {warning}", err=True)
-    if quiet:
+    if as_json:
+        click.echo(files.as_json(summary))
+    if quiet or as_json:
         return
     for note in notes:
         click.echo(f"Note: {note}.")
     click.echo(
-        f"{summary['particles']} particles settle at {figures.MM_PER_DAY * velocity:.5g} mm/day "
+        f"{summary['particles']} particles settle at {mrjax.MM_PER_DAY * velocity:.5g} mm/day "
         f"(Eq. 27 with the same factors: {float(summary['closed_form_mm_per_day']):.5g})."
     )
     if duration is None:
@@ -253,6 +256,8 @@ def _columns(run) -> dict:
 
 def _curve(whole) -> dict:
     """The curve of an ensemble: means, and the standard error of the ratio where there is one."""
+    import mrjax
+
     columns = {
         "time_s": whole.run.times[0],
         "mudline_m": whole.run.mudline.mean(axis=0),
@@ -260,7 +265,7 @@ def _curve(whole) -> dict:
         "mean_velocity_m_per_s": whole.run.mean_velocity.mean(axis=0),
     }
     if len(whole.seeds) > 1:
-        columns["standard_error_of_ratio"] = standard_error(whole.ratio())
+        columns["standard_error_of_ratio"] = mrjax.standard_error(whole.ratio())
     return columns
 
 
@@ -269,7 +274,6 @@ def _at_rest(whole) -> dict:
     import jax
 
     import mrjax
-    from mrjax import figures
 
     final = {name: whole.ratio(name)[:, -1] for name in mrjax.HEIGHTS}
     lines = jax.vmap(mrjax.asymptotes)(whole.run)
@@ -278,10 +282,10 @@ def _at_rest(whole) -> dict:
     )(whole.run.state)
     return {
         "final_ratio": final["top"].mean(),
-        "final_ratio_standard_error": standard_error(final["top"]),
+        "final_ratio_standard_error": mrjax.standard_error(final["top"]),
         "final_ratios": final["top"],
         "final_ratio_by_height": {name: values.mean() for name, values in final.items()},
-        "initial_slope_mm_per_day": figures.MM_PER_DAY * lines.initial_slope.mean(),
+        "initial_slope_mm_per_day": mrjax.MM_PER_DAY * lines.initial_slope.mean(),
         "asymptotes_cross_at_s": lines.crossing_time.mean(),
         "speed_at_rest_over_initial": (
             whole.run.mean_speed[:, -1] / whole.run.mean_speed.max(axis=1)
@@ -293,16 +297,19 @@ def _at_rest(whole) -> dict:
 
 
 @cli.command(
+    epilog=commands.EXIT_STATUS,
     help="""Writes a commented recipe to FILE, to start from.
 
     \b
     Example:
       mrjax new mine.toml
-    """
+    """,
 )
 @click.argument("file", type=click.Path(path_type=Path))
 def new(file: Path) -> None:
     """Copies the template."""
+    from mrjax import files
+
     if file.exists():
         raise InputError(f"{file}: is there already; give another name")
     text = resources.files("mrjax").joinpath("template.toml").read_text("utf-8")
@@ -316,6 +323,7 @@ def new(file: Path) -> None:
 
 
 @cli.command(
+    epilog=commands.EXIT_STATUS,
     help="""Shows all that follows from a RECIPE, bundled or a TOML file, without running it.
 
     Volume fractions, number of particles, densities, drag factors, the settling velocity, time
@@ -326,25 +334,26 @@ def new(file: Path) -> None:
     Examples:
       mrjax check case2
       mrjax check mine.toml --json
-    """
+    """,
 )
-@click.argument("recipe")
-@click.option("--json", "as_json", is_flag=True, help="Prints JSON, for programs.")
-def check(recipe: str, as_json: bool) -> None:
+@click.argument("recipe", shell_complete=commands.sheet_names("mrjax.recipes"))
+@commands.quiet_option
+@commands.json_option
+def check(recipe: str, quiet: bool, as_json: bool) -> None:
     """Prints what follows from a recipe."""
     import mrjax
-    from mrjax import derived
+    from mrjax import derived, files
 
-    commands.set_precision("float64")
+    commands.start_jax("float64")
     sheet = mrjax.Recipe.load(recipe)
     quantities, warnings = derived.derived(sheet), derived.warnings(sheet)
+    for warning in warnings:
+        click.echo(f"mrjax: warning: {warning}", err=True)
     if as_json:
         found = {one.name: {"value": one.value, "unit": one.unit} for one in quantities}
-        click.echo(
-            json.dumps(
-                {"recipe": sheet.name, "derived": found, "notes": sheet.notes, "warnings": warnings}
-            )
-        )
+        result = {"recipe": sheet.name, "derived": found, "notes": sheet.notes}
+        click.echo(files.as_json(result | {"warnings": warnings}))
+    if quiet or as_json:
         return
     widest = max(len(one.name) for one in quantities)
     for one in quantities:
@@ -352,11 +361,10 @@ def check(recipe: str, as_json: bool) -> None:
         click.echo(f"{one.name:{widest}}  {one.value:.5g}{unit}")
     for note in sheet.notes:
         click.echo(f"Note: {note}.")
-    for warning in warnings:
-        click.echo(f"mrjax: warning: {warning}", err=True)
 
 
 @cli.command(
+    epilog=commands.EXIT_STATUS,
     help="""Recomputes every number and plot of Son (2018).
 
     Writes reproduce.json and reproduce.md: the printed and computed numbers of Table 2 and the
@@ -366,7 +374,7 @@ def check(recipe: str, as_json: bool) -> None:
     \b
     Example:
       mrjax reproduce --out results
-    """
+    """,
 )
 @commands.out_option("reproduce")
 @click.option(
@@ -379,18 +387,21 @@ def check(recipe: str, as_json: bool) -> None:
 @commands.pdf_option
 @commands.seed_option
 @commands.dtype_option
-@click.option("--quiet", is_flag=True, help="No progress, no table on the terminal.")
-def reproduce(out: str, ensemble: int, pdf: bool, seed: int, dtype: str, quiet: bool) -> None:
+@commands.quiet_option
+@commands.json_option
+def reproduce(
+    out: str, ensemble: int, pdf: bool, seed: int, dtype: str, quiet: bool, as_json: bool
+) -> None:
     """Runs the paper's three cases and writes the comparison."""
     import mrjax
-    from mrjax import paper_figures
+    from mrjax import files, paper_figures
     from mrjax import reproduce as paper
 
     def report(text: str) -> None:
         if not quiet:
             click.echo(text, err=True)
 
-    commands.set_precision(dtype)
+    commands.start_jax(dtype)
     folder = files.result_folder(Path(out))
     runs = paper.simulated(seed, ensemble, report)
     report("settling case2 at its viscosity")
@@ -423,7 +434,9 @@ def reproduce(out: str, ensemble: int, pdf: bool, seed: int, dtype: str, quiet: 
     files.write_text(
         folder / "reproduce.md", f"# Son (2018), recomputed\n\n{table}\n## Figures\n\n{shown}"
     )
-    if not quiet:
+    if as_json:
+        click.echo(files.as_json(paper.as_tables(found)))
+    elif not quiet:
         click.echo(table)
         click.echo(f"Results: {folder}")
 

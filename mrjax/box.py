@@ -9,7 +9,6 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from mrjax._jax_md import space
 from mrjax.errors import InputError
 from mrjax.permissive import permissive
 
@@ -74,6 +73,8 @@ class Box:
             periodic axes.
           shift(position, change): the moved position, wrapped into the box on periodic axes.
         """
+        from mrjax._jax_md import space
+
         side, periodic = jnp.array(self.size), jnp.array(self.periodic)
 
         def on_periodic_axes(wrapped: Array, plain: Array) -> Array:

@@ -6,7 +6,6 @@ from numbers import Real
 import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
-from scipy.spatial import KDTree
 
 from mrjax.box import AXES, Box
 from mrjax.concrete import concrete
@@ -176,6 +175,8 @@ def may_touch(
     wrapped = np.asarray(position, float)
     wrapped = wrapped - side * np.floor(wrapped / np.where(side > 0.0, side, np.inf))
     wrapped = np.where((side > 0.0) & (wrapped >= side), 0.0, wrapped)  # by rounding
+    from scipy.spatial import KDTree  # a third of a second, which most calls need not spend
+
     tree = KDTree(wrapped, boxsize=side)
     distance, partner = tree.query(wrapped, k=2)
     if np.any(distance[:, 1] - radius - radius[partner[:, 1]] <= travel):

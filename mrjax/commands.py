@@ -1,16 +1,19 @@
-"""What the command lines share: options, versions, and one clear line for every failure."""
+"""What the command lines share: options, versions, and one clear line for every failure.
+
+JAX is imported where a command begins its work, so that `--help` and completion need not wait.
+"""
 
 import importlib.metadata
 import os
 import re
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-import jax
+from click.shell_completion import CompletionItem
 
-from mrjax import cache
 from mrjax.errors import InputError, SimulationError
 
 if TYPE_CHECKING:
@@ -18,6 +21,10 @@ if TYPE_CHECKING:
 
 UNTRUSTED, WRONG_INPUT, INTERRUPTED = 1, 2, 130
 """Exit statuses beside 0."""
+EXIT_STATUS = (
+    "Exit status: 0 done, 1 a result that is not to be trusted, 2 wrong input, 130 interrupted."
+)
+"""The last lines of every help."""
 
 PACKAGES = ("mrjax", "jax", "jaxlib", "jax-md", "optax", "scipy", "numpy")
 
@@ -52,6 +59,17 @@ dtype_option = click.option(
     help="Precision of the computation.",
 )
 
+quiet_option = click.option(
+    "--quiet", is_flag=True, help="Nothing on the terminal but warnings and errors."
+)
+
+json_option = click.option(
+    "--json",
+    "as_json",
+    is_flag=True,
+    help="The result as JSON on standard output, and nothing else there.",
+)
+
 distributed_option = click.option(
     "--distributed",
     callback=lambda _context, _option, text: _processes(text),
@@ -76,9 +94,32 @@ def _processes(text: str | None) -> tuple[str | None, int | None, int | None] | 
     return found[1], int(found[2]), int(found[3])
 
 
-def set_precision(dtype: str) -> None:
-    """Makes `dtype` JAX's default for the rest of the process."""
+def sheet_names(package: str) -> Callable[..., list[CompletionItem]]:
+    """Completes what is bundled in a package or a TOML file here, and other paths where none is.
+
+    Bash completes paths by itself only where it is given nothing else.
+    """
+
+    def complete(
+        _context: click.Context, _parameter: click.Parameter, begun: str
+    ) -> list[CompletionItem]:
+        from mrjax import sheets
+
+        names = [*sorted(sheets.bundled(package)), *sorted(map(str, Path().glob("*.toml")))]
+        found = [CompletionItem(name) for name in names if name.startswith(begun)]
+        return found or [CompletionItem(begun, type="file")]
+
+    return complete
+
+
+def start_jax(dtype: str) -> None:
+    """Makes `dtype` JAX's default for the rest of the process, and keeps what it compiles."""
+    import jax
+
+    from mrjax import cache
+
     jax.config.update("jax_enable_x64", dtype == "float64")
+    cache.keep()
 
 
 def versions() -> dict[str, str]:
@@ -99,7 +140,6 @@ def made_by(sheet: "Recipe", seed: int, dtype: str) -> dict[str, Any]:
 
 def run(command: click.Command, name: str) -> None:
     """Runs a command and exits: 0 done, 1 not to be trusted, 2 wrong input, 130 interrupted."""
-    cache.keep()
     try:
         sys.exit(command.main(prog_name=name, standalone_mode=False))
     except (InputError, SimulationError, click.ClickException) as error:

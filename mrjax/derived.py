@@ -4,12 +4,15 @@ from dataclasses import dataclass
 
 import jax.numpy as jnp
 import numpy as np
+from jax import Array
 
 from mrjax import expected, particle, theory, timestep, validity
-from mrjax.figures import MM_PER_DAY
+from mrjax.by_numpy import by_numpy
+from mrjax.overlap import OVERLAP
+from mrjax.parameters import Parameters
 from mrjax.recipe import Recipe
-from mrjax.sedimentation import OVERLAP
 from mrjax.soften import softened
+from mrjax.units import MM_PER_DAY
 
 TO_REST = 2.5
 """How much longer beds take to rest than a free fall would, about: case2 and case3 do."""
@@ -35,29 +38,29 @@ def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
       InputError: a sheet of which a run cannot be made.
     """
     parameters, count = recipe.parameters(), recipe.particle_count
-    outer = 2e6 * np.broadcast_to(particle.outer_radius(parameters), count)
-    velocity = theory.terminal_velocity(parameters)
+    of = by_numpy(_of, parameters)
     soft = softened(parameters, recipe.box, count, overlap)
     fall, falling = expected.duration(soft, recipe.box, count, recipe.box.height)
     step = expected.step(soft, recipe.box, count, falling, recipe.hindrance)
-    factor = jnp.ravel(soft.elastic_modulus / parameters.elastic_modulus)[0]
+    factor = float(soft.elastic_modulus) / float(parameters.elastic_modulus)
+    numbers = validity.numbers(parameters, of["velocity"])
     rest, steps = TO_REST * fall, TO_REST * fall / step
     found = [
         ("particles in the box", count, "1"),
         ("volume fraction of particles", recipe.volume_fraction, "1"),
         ("volume fraction of coated particles", recipe.coated_volume_fraction, "1"),
-        ("smallest coated diameter", outer.min(), "um"),
-        ("largest coated diameter", outer.max(), "um"),
+        ("smallest coated diameter", 2e6 * of["smallest"], "um"),
+        ("largest coated diameter", 2e6 * of["largest"], "um"),
         ("density of coated particles", recipe.apparent_density, "kg/m^3"),
         ("f_w, crowding", recipe.f_w, "1"),
         ("f_s, shape", recipe.f_s, "1"),
         ("f_v, viscosity", recipe.drag.f_v, "1"),
         ("f_r, coating", recipe.radius_factor, "1"),
-        ("settling velocity (Eq. 27)", MM_PER_DAY * jnp.mean(velocity), "mm/day"),
-        *((f"{one.name} number", one.value, "1") for one in validity.numbers(parameters, velocity)),
-        ("relaxation time", jnp.max(timestep.relaxation_time(parameters)), "s"),
-        ("Rayleigh time of a contact (Eq. 26)", timestep.rayleigh_time(parameters), "s"),
-        ("step that resolves both (Eq. 29)", timestep.time_step(parameters), "s"),
+        ("settling velocity (Eq. 27)", MM_PER_DAY * np.mean(of["velocity"]), "mm/day"),
+        *((f"{one.name} number", one.value, "1") for one in numbers),
+        ("relaxation time", of["relaxation"], "s"),
+        ("Rayleigh time of a contact (Eq. 26)", of["rayleigh"], "s"),
+        ("step that resolves both (Eq. 29)", of["step"], "s"),
         (f"factor on moduli for an overlap of {overlap:g} radii", factor, "1"),
         ("step of a run to rest", step, "s"),
         ("duration of a run to rest, about", rest, "s"),
@@ -70,4 +73,17 @@ def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
 def warnings(recipe: Recipe) -> list[str]:
     """One line for each assumption of the model that the suspension does not meet."""
     parameters = recipe.parameters()
-    return validity.warnings(validity.numbers(parameters, theory.terminal_velocity(parameters)))
+    return validity.warnings(validity.numbers(parameters, by_numpy(_of, parameters)["velocity"]))
+
+
+def _of(parameters: Parameters) -> dict[str, Array]:
+    """What follows without a box, SI: of all particles but for the velocity, () or (N,)."""
+    outer = particle.outer_radius(parameters)
+    return {
+        "smallest": jnp.min(outer),
+        "largest": jnp.max(outer),
+        "velocity": theory.terminal_velocity(parameters),
+        "relaxation": jnp.max(timestep.relaxation_time(parameters)),
+        "rayleigh": timestep.rayleigh_time(parameters),
+        "step": timestep.time_step(parameters),
+    }

@@ -1,14 +1,19 @@
 """What is to be expected of a run to rest before it begins: how long it takes, by which steps."""
 
+from functools import partial
+
 import jax
+import jax.numpy as jnp
 import numpy as np
+from jax import Array
 
 from mrjax import particle, soften, theory, timestep
 from mrjax.box import Box
+from mrjax.by_numpy import by_numpy
 from mrjax.concrete import known
 from mrjax.errors import InputError
 from mrjax.hindrance import BED, Hindrance
-from mrjax.parameters import Parameters
+from mrjax.parameters import Parameters, per_particle
 from mrjax.timestep import Mode
 
 RANDOM_BED = (Mode(2.8, 2.8, 2.8),)
@@ -36,15 +41,14 @@ def duration(numbers: Parameters, box: Box, particles: int, top: float) -> tuple
       InputError: nothing pulls them down, or parameters that are traced.
     """
     with jax.ensure_compile_time_eval():
-        radius = np.broadcast_to(particle.outer_radius(numbers), particles)
-        pull = float(np.max(particle.net_weight(numbers) / particle.inertia(numbers)))
-        terminal = float(np.min(theory.terminal_velocity(numbers)))
+        pull, terminal, solid, largest = map(
+            float, by_numpy(partial(_falling, particles=particles), numbers)
+        )
     if np.isnan(pull) or (np.isnan(terminal) and pull > 0):
         raise InputError("the parameters are traced by jit or vmap; settle cannot be")
     if not pull > 0:
         raise InputError("nothing pulls the particles down: gravity or net weight is not positive")
-    solid = float(np.sum(4 / 3 * np.pi * radius**3))
-    fall = max(top - solid / (PACKED * box.size[0] * box.size[1]), float(radius.max()))
+    fall = max(top - solid / (PACKED * box.size[0] * box.size[1]), largest)
     free = float(np.sqrt(2.0 * pull * fall))
     falling = min(free, terminal)
     return max(fall / terminal, 2.0 * fall / free), falling
@@ -70,23 +74,48 @@ def step(
       hindrance: f_w where drag is local.
     """
     with jax.ensure_compile_time_eval():
-        resting = soften.resting_overlap(numbers, box, particles)
+        law = partial(_overlaps, box=box, particles=particles, falling=falling)
+        resting, alone, impact, fraction = map(float, by_numpy(law, numbers))
         layers = [(numbers, resting)]
         if hindrance is not None:
-            radius = np.broadcast_to(particle.outer_radius(numbers), particles)
-            fraction = 4 / 3 * np.pi * np.sum(radius**3) / box.volume
-            weight = np.max(particle.net_weight(numbers))
-            alone = float(timestep.expected_overlap(numbers, weight, 0.0))
             layers = [
                 (numbers.replace(f_w=known(hindrance)(share)), overlap)
                 for share, overlap in ((BED, resting), (THIN * fraction, alone))
             ]
-        impact = float(timestep.expected_overlap(numbers, 0.0, falling))
         return min(_stable(layer, max(overlap, impact)) for layer, overlap in layers)
 
 
 def _stable(numbers: Parameters, overlap: float) -> float:
     """Of a random bed with this deepest overlap, m, that a dry impact is resolved by, too; s."""
-    stable = float(timestep.largest_stable_step(numbers, overlap, RANDOM_BED))
-    relaxation = float(np.min(timestep.relaxation_time(numbers)))
+    stable, relaxation = map(float, by_numpy(_limits, numbers, overlap))
     return stable if relaxation < stable else stable / INERTIAL
+
+
+def _falling(numbers: Parameters, particles: int) -> tuple[Array, ...]:
+    """Greatest pull, m/s^2, least terminal velocity, m/s, volume, m^3, and largest radius, m."""
+    radius = per_particle(particle.outer_radius(numbers), particles)
+    return (
+        jnp.max(particle.net_weight(numbers) / particle.inertia(numbers)),
+        jnp.min(theory.terminal_velocity(numbers)),
+        jnp.sum(4 / 3 * jnp.pi * radius**3),
+        jnp.max(radius),
+    )
+
+
+def _overlaps(numbers: Parameters, box: Box, particles: int, falling: float) -> tuple[Array, ...]:
+    """Of the bed, of a single particle on another and of an impact, m; the volume fraction."""
+    radius = per_particle(particle.outer_radius(numbers), particles)
+    return (
+        soften.resting_overlap(numbers, box, particles),
+        timestep.expected_overlap(numbers, jnp.max(particle.net_weight(numbers)), 0.0),
+        timestep.expected_overlap(numbers, 0.0, falling),
+        4 / 3 * jnp.pi * jnp.sum(radius**3) / box.volume,
+    )
+
+
+def _limits(numbers: Parameters, overlap: float) -> tuple[Array, Array]:
+    """The largest stable step and the least relaxation time, s."""
+    return (
+        timestep.largest_stable_step(numbers, overlap, RANDOM_BED),
+        jnp.min(timestep.relaxation_time(numbers)),
+    )

@@ -66,9 +66,14 @@ def write_text(path: Path, text: str) -> None:
         scratch.write_text(text, encoding="utf-8", newline="")
 
 
-def write_json(path: Path, value: Any) -> None:
+def as_json(value: Any) -> str:
     """JSON with numpy and JAX numbers as numbers, and what is not finite as null."""
-    write_text(path, json.dumps(plain(value), indent=2, ensure_ascii=False) + "\n")
+    return json.dumps(plain(value), indent=2, ensure_ascii=False)
+
+
+def write_json(path: Path, value: Any) -> None:
+    """A file of JSON, as `as_json` has it."""
+    write_text(path, as_json(value) + "\n")
 
 
 def write_csv(path: Path, columns: dict[str, Iterable[float]]) -> None:

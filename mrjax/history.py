@@ -5,14 +5,17 @@ therefore found again by the id of the partner. Walls are partners with ids of t
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from mrjax.pairs import Pairs
 from mrjax.vectors import Vector, cross, dot, plus, times
+
+if TYPE_CHECKING:
+    from mrjax.pairs import Pairs  # which comes with jax-md, that a state does without
 
 NOBODY = -1
 WALLS = (-2, -3, -4, -5, -6, -7)
@@ -69,13 +72,13 @@ class Notes:
         return Memory(found(self.sliding), found(self.rolling))
 
 
-def begun(notes: Notes, listed: Pairs) -> Memory:
+def begun(notes: Notes, listed: "Pairs") -> Memory:
     """The memory of the listed pairs, (P,); others are forgotten."""
     _, partner = _ids(listed)
     return notes.of(listed.first, jnp.where(listed.present, partner, NOBODY - 1 - len(WALLS)))
 
 
-def noted(memory: Memory, listed: Pairs) -> Notes:
+def noted(memory: Memory, listed: "Pairs") -> Notes:
     """What both surfaces of every contact remember, in a slot of their own."""
 
     def both(vector: Vector | None) -> Vector | None:
@@ -88,7 +91,7 @@ def noted(memory: Memory, listed: Pairs) -> Notes:
     )
 
 
-def _ids(listed: Pairs) -> tuple[Array, Array]:
+def _ids(listed: "Pairs") -> tuple[Array, Array]:
     """Of the firsts and of the seconds, as `Contacts` has them; (P,) each."""
     walls = jnp.array(WALLS, listed.second.dtype)
     particles = listed.places.shape[1]

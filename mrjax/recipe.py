@@ -12,11 +12,13 @@ from typing import Annotated, Any
 
 import jax
 import numpy as np
+from jax.tree_util import Partial
 from jax.typing import DTypeLike
 from pydantic import BeforeValidator, Field, SkipValidation, field_validator, model_validator
 
 from mrjax import drag, sheets, sizes
 from mrjax.box import AXES, Box
+from mrjax.by_numpy import by_numpy
 from mrjax.errors import InputError
 from mrjax.hindrance import Hindrance
 from mrjax.parameters import Parameters
@@ -305,7 +307,7 @@ class Recipe(Sheet):
         if isinstance(self.drag.f_w, float):
             return self.drag.f_w
         with jax.ensure_compile_time_eval():  # a sheet holds numbers, also where jit is tracing
-            return float(self.closure(self.coated_volume_fraction))
+            return float(by_numpy(self.closure, self.coated_volume_fraction))
 
     @property
     def hindrance(self) -> Hindrance | None:
@@ -325,7 +327,7 @@ class Recipe(Sheet):
             return None
         sheet = {"closure": self.drag.f_w} if isinstance(self.drag.f_w, str) else self.drag.f_w
         coefficients = {key: value for key, value in sheet.items() if key != "closure"}
-        return jax.tree_util.Partial(drag.CLOSURES[sheet["closure"]], **coefficients)
+        return Partial(drag.CLOSURES[sheet["closure"]], **coefficients)
 
     @property
     def f_s(self) -> float:
@@ -333,7 +335,7 @@ class Recipe(Sheet):
         if isinstance(self.drag.f_s, float):
             return self.drag.f_s
         with jax.ensure_compile_time_eval():
-            return float(drag.shape_factor(*self.drag.f_s))
+            return float(by_numpy(drag.shape_factor, *self.drag.f_s))
 
     @property
     def notes(self) -> list[str]:

@@ -12,15 +12,12 @@ from jax.typing import DTypeLike
 from mrjax import observe, processes
 from mrjax.disperse import disperse
 from mrjax.errors import InputError
+from mrjax.overlap import OVERLAP
 from mrjax.parameters import Parameters
 from mrjax.recipe import Recipe
 from mrjax.run import Run
 from mrjax.settle import settle
 from mrjax.soften import softened
-
-OVERLAP = 0.025
-"""Greatest overlap of a bed at rest, in contact radii: with half of it, 314 particles rest as high
-but for the standard error of six starts; with twice of it, one to two points lower."""
 
 
 @dataclass(frozen=True)

@@ -29,6 +29,15 @@ OF_ANOTHER_FILE = {
 SheetType = TypeVar("SheetType", bound=Sheet)
 
 
+def bundled(package: str) -> dict[str, Path]:
+    """The TOML files of a package by their names."""
+    return {
+        Path(entry.name).stem: Path(str(entry))
+        for entry in resources.files(package).iterdir()
+        if entry.name.endswith(".toml")
+    }
+
+
 def read(source: str | Path, package: str, kind: str) -> tuple[dict[str, Any], Path]:
     """A TOML file by path, or one that is bundled in `package` by its name.
 
@@ -41,19 +50,15 @@ def read(source: str | Path, package: str, kind: str) -> tuple[dict[str, Any], P
     if not isinstance(source, str | os.PathLike):
         raise InputError(f"{source!r}: is no file name; give a {kind}'s name or a path")
     name = str(source)
-    bundled = {
-        Path(entry.name).stem: entry
-        for entry in resources.files(package).iterdir()
-        if entry.name.endswith(".toml")
-    }
-    path = Path(str(bundled[name])) if name in bundled else Path(source)
-    names = ", ".join(sorted(bundled))
+    known = bundled(package)
+    path = known.get(name, Path(source))
+    names = ", ".join(sorted(known))
     if not name:
         raise InputError(f"'': is no file name; give a TOML file or one of {names}")
     try:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
-        close = difflib.get_close_matches(name.lower(), bundled, n=1)
+        close = difflib.get_close_matches(name.lower(), known, n=1)
         hint = f"did you mean {close[0]}? " if close else ""
         raise InputError(
             f"{source}: no such file, and no bundled {kind}; {hint}give a TOML file or one of "

@@ -7,20 +7,23 @@ factor, chosen from the greatest overlap that is allowed. What contacts dissipat
 beside the drag, and is left out of the program.
 """
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import Array
 
 from mrjax import checks, drag, particle, timestep
 from mrjax.box import Box
+from mrjax.by_numpy import by_numpy
 from mrjax.concrete import known
 from mrjax.errors import InputError
-from mrjax.parameters import Parameters
+from mrjax.overlap import MOST_OVERLAP
+from mrjax.parameters import Parameters, per_particle
 
 FORCE_CHAINS = 4.5
 """Greatest contact force at the floor of a random bed over the mean load of a particle there."""
-MOST_OVERLAP = 0.1
-"""In contact radii: beyond it the height of a bed would show it."""
 
 IDLE = 1e-3
 """Share of a contact's dashpot in the drag below which it is left out."""
@@ -47,7 +50,9 @@ def softened(parameters: Parameters, box: Box, particles: int, overlap: float) -
         raise InputError(
             f"overlap = {overlap:g} contact radii: give at most {MOST_OVERLAP}, better 0.02"
         )
-    factor = _factor(parameters, box, particles, overlap)
+    with jax.ensure_compile_time_eval():
+        law = partial(_factor, box=box, particles=particles, overlap=overlap)
+        factor = float(by_numpy(law, known(parameters)))
     if np.isnan(factor):
         raise InputError("the parameters are traced by jit or vmap; soften them outside")
     soft = parameters.replace(
@@ -55,28 +60,31 @@ def softened(parameters: Parameters, box: Box, particles: int, overlap: float) -
         wall_elastic_modulus=parameters.wall_elastic_modulus * factor,
     )
     with jax.ensure_compile_time_eval():
-        numbers = known(soft)
-        dashpots = timestep.dashpots(numbers, overlap * jnp.max(particle.outer_radius(numbers)))
-        idle = bool(jnp.all(dashpots < IDLE * drag.coefficient(numbers)))
+        idle = bool(by_numpy(partial(_idle, overlap=overlap), known(soft)))
     if not idle:
         return soft
     return soft.replace(restitution=1.0, dissipation=0.0, tangential_dissipation=0.0)
 
 
-def _factor(parameters: Parameters, box: Box, particles: int, overlap: float) -> float:
-    with jax.ensure_compile_time_eval():
-        numbers = known(parameters)
-        largest = float(jnp.max(particle.outer_radius(numbers)))
-        expected = resting_overlap(numbers, box, particles)
+def _factor(numbers: Parameters, box: Box, particles: int, overlap: float) -> Array:
+    """On the moduli, at most 1, ()."""
+    largest = jnp.max(particle.outer_radius(numbers))
+    expected = resting_overlap(numbers, box, particles)
     # Hertz: the overlap under a load goes with E^(-2/3).
-    return float(np.minimum(1.0, (expected / (overlap * largest)) ** 1.5))  # keeps NaN
+    return jnp.minimum(1.0, (expected / (overlap * largest)) ** 1.5)  # keeps NaN
 
 
-def resting_overlap(numbers: Parameters, box: Box, particles: int) -> float:
-    """Deepest overlap to be expected in a bed of N particles at rest, m; NaN where traced."""
-    radius = np.broadcast_to(particle.outer_radius(numbers), particles)
-    weight = np.broadcast_to(particle.net_weight(numbers), particles)
+def _idle(numbers: Parameters, overlap: float) -> Array:
+    """Whether all dashpots are lost beside the drag at this overlap, in contact radii; ()."""
+    dashpots = timestep.dashpots(numbers, overlap * jnp.max(particle.outer_radius(numbers)))
+    return jnp.all(dashpots < IDLE * drag.coefficient(numbers))
+
+
+def resting_overlap(numbers: Parameters, box: Box, particles: int) -> Array:
+    """Deepest overlap to be expected in a bed of N particles at rest, m, (); NaN where traced."""
+    radius = per_particle(particle.outer_radius(numbers), particles)
+    weight = per_particle(particle.net_weight(numbers), particles)
     # All that lies on an area as wide as the largest particle.
-    above = weight.sum() * (2.0 * radius.max()) ** 2 / (box.size[0] * box.size[1])
-    load = FORCE_CHAINS * max(above, weight.max())
-    return float(timestep.expected_overlap(numbers, load, 0.0))
+    above = jnp.sum(weight) * (2.0 * jnp.max(radius)) ** 2 / (box.size[0] * box.size[1])
+    load = FORCE_CHAINS * jnp.maximum(above, jnp.max(weight))
+    return timestep.expected_overlap(numbers, load, 0.0)

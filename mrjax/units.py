@@ -5,6 +5,9 @@ Laws are written in any coherent system of units, so the same functions serve bo
 
 from dataclasses import dataclass
 
+MM_PER_DAY = 86400e3
+"""1 m/s in mm/day."""
+
 
 @dataclass(frozen=True)
 class Units:

@@ -9,9 +9,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import jax.numpy as jnp
+from jax import Array
 from jax.typing import ArrayLike
 
 from mrjax import observe, particle, timestep
+from mrjax.by_numpy import by_numpy
 from mrjax.parameters import Parameters
 
 BOLTZMANN = 1.380649e-23
@@ -56,29 +58,34 @@ def numbers(
       velocity: at which they settle, m/s, () or (N,).
       temperature: K.
     """
-    radius = particle.outer_radius(parameters)
-    inertia = timestep.relaxation_time(parameters) * velocity / radius
-    heat = particle.net_weight(parameters) * radius / (BOLTZMANN * temperature)
+    reynolds, stokes, peclet = map(float, by_numpy(_worst, parameters, velocity, temperature))
     return (
-        Number(
-            "Reynolds",
-            float(jnp.max(observe.reynolds_number(velocity, parameters))),
-            0.1,
-            True,
-            "Stokes' drag is too small by more than 2 %",
-        ),
+        Number("Reynolds", reynolds, 0.1, True, "Stokes' drag is too small by more than 2 %"),
         Number(
             "Stokes",
-            float(jnp.max(inertia)),
+            stokes,
             1.0,
             True,
             "particles rebound in the fluid, whose history force is left out",
         ),
         Number(
             "Peclet",
-            float(jnp.min(heat)),
+            peclet,
             10.0,
             False,
             "Brownian motion, which is left out, keeps them from packing",
         ),
+    )
+
+
+def _worst(
+    parameters: Parameters, velocity: ArrayLike, temperature: ArrayLike
+) -> tuple[Array, Array, Array]:
+    radius = particle.outer_radius(parameters)
+    inertia = timestep.relaxation_time(parameters) * velocity / radius
+    heat = particle.net_weight(parameters) * radius / (BOLTZMANN * temperature)
+    return (
+        jnp.max(observe.reynolds_number(velocity, parameters)),
+        jnp.max(inertia),
+        jnp.min(heat),
     )

@@ -23,7 +23,7 @@ assert callable(_jax_md.minimize.fire_descent)
 """
 
 AFTERWARDS = """
-import mrjax
+import mrjax, mrjax._jax_md
 import jax_md
 from jax_md import quantity, space
 assert callable(jax_md.energy.soft_sphere_pair)
@@ -35,7 +35,7 @@ mrjax.Box((1.0, 1.0, 1.0)).space()
 """
 
 ATTRIBUTES = """
-import mrjax
+import mrjax._jax_md
 import jax_md, jax_md.quantity
 assert callable(jax_md.quantity.temperature)
 """

@@ -11,9 +11,7 @@ from mrjax.figures.style import PAGE, STYLE
 from mrjax.parameters import Parameters
 from mrjax.run import Run
 from mrjax.sedimentation import Sedimentation
-
-MM_PER_DAY = 86400e3
-"""1 m/s in mm/day."""
+from mrjax.units import MM_PER_DAY
 
 
 @STYLE

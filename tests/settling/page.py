@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from mrjax import observe
 from mrjax.files import markdown_table
-from mrjax.sedimentation import OVERLAP
+from mrjax.overlap import OVERLAP
 
 from . import beds, kynch
 from .beds import AS_IS, FRICTIONS, SAMPLES, SCANNED, SIDES, TWICE, VARIANTS

@@ -11,9 +11,9 @@ import numpy as np
 import mrjax
 from mrjax.box import Box
 from mrjax.dropped import ELASTIC_MODULUS, REST, RESTITUTION
+from mrjax.overlap import OVERLAP
 from mrjax.parameters import Parameters
 from mrjax.recipe import Recipe
-from mrjax.sedimentation import OVERLAP
 from mrjax.state import State
 
 FRICTION = 0.5
