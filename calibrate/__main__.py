@@ -50,7 +50,7 @@ from mrjax import InputError, SimulationError, commands
 )
 @click.option(
     "--robust",
-    type=click.FloatRange(0, min_open=True),
+    type=commands.Finite(0, min_open=True),
     metavar="SIGMAS",
     help="Residuals beyond this count linearly, so that outliers pull less.",
 )

@@ -17,15 +17,18 @@ from pydantic import Field
 
 from calibrate.units import CURVES, HEIGHT_UNITS, RATIO_UNITS, TIME_UNITS, one_of
 from mrjax import InputError
-from mrjax.sheets import Sheet
+from mrjax.errors import shown
+from mrjax.sheets import LARGEST, SMALLEST, Line, Sheet, text
 
 ERROR = "standard_deviation"
+MOST_BYTES = 10**7
+"""Size of a file beyond which it is no curve that anyone has measured."""
 
 
 class CurveSheet(Sheet):
     """Where a curve is, and what its columns mean."""
 
-    file: str = Field(description="a CSV file, as a path from this file")
+    file: Line = Field(description="a CSV file, as a path from this file")
     time_unit: Annotated[str, one_of(TIME_UNITS)] = Field(
         description=f"one of {', '.join(TIME_UNITS)}"
     )
@@ -107,14 +110,14 @@ def read(sheet: CurveSheet, folder: Path) -> Curve:
 def _rows(path: Path) -> list[tuple[int, list[str]]]:
     """The cells of every line that is neither empty nor a comment, with its number."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        content = text(path, MOST_BYTES)
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; give the curve's CSV file") from None
     except UnicodeDecodeError:
         raise InputError(f"{path}: is not UTF-8 text; save the curve as a UTF-8 CSV") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from None
-    lines = enumerate(text.splitlines(), start=1)
+    lines = enumerate(content.splitlines(), start=1)
     kept = [(number, line) for number, line in lines if line.strip() and line.lstrip()[0] != "#"]
     return [(number, _cells(path, number, line)) for number, line in kept]
 
@@ -137,14 +140,14 @@ def _columns(path: Path, number: int, header: list[str], sheet: CurveSheet) -> l
     for name in header:
         if name not in known:
             raise InputError(
-                f"{path}, line {number}: column {name!r} is not known; the header is time, then "
-                f"mudline or sedimentation_ratio, then {ERROR} if points have their own"
+                f"{path}, line {number}: column {shown(name)} is not known; the header is time, "
+                f"then mudline or sedimentation_ratio, then {ERROR} if points have their own"
             )
     of_height = [name for name in header if name in CURVES]
     if "time" not in header or len(of_height) != 1 or len(set(header)) != len(header):
         raise InputError(
-            f"{path}, line {number}: the header is {', '.join(header) or 'missing'}; give time and "
-            f"one of {' or '.join(CURVES)}"
+            f"{path}, line {number}: the header is {', '.join(header[:4]) or 'missing'}; "
+            f"give time and one of {' or '.join(CURVES)}"
         )
     if sheet.unit not in CURVES[of_height[0]]:
         raise InputError(
@@ -165,7 +168,11 @@ def _number(at: str, name: str, cell: str) -> float:
         value = math.nan
     if not math.isfinite(value):
         raise InputError(
-            f"{at}: {name} = {cell!r} is not a finite number; write decimals with a point, and "
-            "leave out rows without a reading"
+            f"{at}: {name} = {shown(cell)} is not a finite number; write decimals with a point, "
+            "and leave out rows without a reading"
+        )
+    if value and not SMALLEST <= abs(value) <= LARGEST:
+        raise InputError(
+            f"{at}: {name} = {value:g} must be 0, or between 1e-30 and 1e30; mend the row"
         )
     return value

@@ -14,7 +14,7 @@ from calibrate.fitted import Fitted, ParameterSheet, fitted
 from calibrate.suspension import BED, CLOSURE, Suspension, refuse_unknown, suspension
 from calibrate.units import RATIO_UNITS, VELOCITY_UNITS, one_of
 from mrjax import InputError, Recipe, sheets
-from mrjax.sheets import Sheet
+from mrjax.sheets import Line, Sheet
 
 
 class InitialVelocity(Sheet):
@@ -54,8 +54,8 @@ class ViscosityRatio(Sheet):
 class SampleSheet(Sheet):
     """One suspension that was measured."""
 
-    name: str = Field(description="a name for the sample")
-    recipe: str = Field(description="a bundled recipe's name, or a path from this file")
+    name: Line = Field(description="a name for the sample")
+    recipe: Line = Field(description="a bundled recipe's name, or a path from this file")
     height: float | None = Field(
         default=None, gt=0, description="of the suspension in its tube in m, above zero"
     )
@@ -87,7 +87,7 @@ class SampleSheet(Sheet):
 class ExperimentSheet(Sheet):
     """A TOML file of samples and parameters."""
 
-    name: str = Field(description="a name for the experiment")
+    name: Line = Field(description="a name for the experiment")
     sample: list[SampleSheet] = Field(min_length=1, description="one [[sample]] for each")
     parameter: list[ParameterSheet] = Field(min_length=1, description="one [[parameter]] for each")
 

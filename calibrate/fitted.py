@@ -12,13 +12,13 @@ from pydantic import Field, model_validator
 
 from calibrate.fit import LogNormal
 from calibrate.suspension import BED
-from mrjax.sheets import Sheet
+from mrjax.sheets import Line, Sheet
 
 
 class ParameterSheet(Sheet):
     """A quantity to be fitted, or held at a value."""
 
-    name: str = Field(
+    name: Line = Field(
         description="a leaf of mrjax.Parameters such as f_s, a coefficient of the closure such as "
         "f_w.exponent, or bed_fraction"
     )

@@ -58,7 +58,7 @@ def cli() -> None:
 )
 @click.option(
     "--overlap",
-    type=click.FloatRange(0, MOST_OVERLAP, min_open=True),
+    type=commands.Finite(0, MOST_OVERLAP, min_open=True),
     default=OVERLAP,
     show_default=True,
     metavar="RADII",

@@ -1,6 +1,7 @@
 """The container: its size, and on each axis either periodic images or a pair of walls."""
 
 import math
+import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from numbers import Real
@@ -9,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from mrjax.errors import InputError
+from mrjax.errors import InputError, shown
 from mrjax.permissive import permissive
 
 AXES = ("x", "y", "z")
@@ -35,12 +36,12 @@ class Box:
 
     def __post_init__(self):
         if not _three(self.size, Real) or not all(
-            math.isfinite(length) and length > 0 for length in self.size
+            0 < length <= sys.float_info.max for length in self.size
         ):
-            raise InputError(f"size = {_shown(self.size)} must be three positive lengths in m")
+            raise InputError(f"size = {shown(self.size)} must be three positive lengths in m")
         if not _three(self.periodic, bool):
             raise InputError(
-                f"periodic = {_shown(self.periodic)} must be three of true or false, for x, y and z"
+                f"periodic = {shown(self.periodic)} must be three of true or false, for x, y and z"
             )
         size = tuple(float(length) for length in self.size)
         object.__setattr__(self, "size", size)
@@ -110,8 +111,3 @@ def _three(values: object, kind: type) -> bool:
         and len(listed := list(values)) == 3
         and all(isinstance(v, kind) and isinstance(v, bool) == (kind is bool) for v in listed)
     )
-
-
-def _shown(values: object) -> str:
-    text = str(values)
-    return text if len(text) <= 60 else text[:57] + "..."

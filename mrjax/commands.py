@@ -4,10 +4,12 @@ JAX is imported where a command begins its work, so that `--help` and completion
 """
 
 import importlib.metadata
+import math
 import os
 import re
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -39,6 +41,19 @@ def out_option(default: str) -> Callable:
         metavar="DIR",
         help="Folder for the results; made if need be.",
     )
+
+
+class Finite(click.FloatRange):
+    """A number within bounds: click's own lets nan pass all of them."""
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> float:
+        """The number, or a failure of click's."""
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"{number} is not a finite number.", param, ctx)
+        return number
 
 
 seed_option = click.option(
@@ -151,5 +166,6 @@ def run(command: click.Command, name: str) -> None:
         sys.stderr.flush()
         # After an interrupted compilation jaxlib 0.10.1 crashes while the interpreter shuts down.
         os._exit(INTERRUPTED)
-    click.echo(f"{name}: {' '.join(text.split())}", err=True)
+    line = " ".join(text.split()).encode(errors="backslashreplace").decode()
+    click.echo(f"{name}: {line}", err=True)
     sys.exit(status)

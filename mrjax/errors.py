@@ -1,5 +1,8 @@
 """The two ways mrjax says no: the input is wrong, or the result cannot be trusted."""
 
+LONGEST = 60
+"""Characters of a value that a message shows."""
+
 
 class InputError(ValueError):
     """What was given cannot be used; the message names the value, the fault and the remedy."""
@@ -7,3 +10,12 @@ class InputError(ValueError):
 
 class SimulationError(RuntimeError):
     """A run ended with a result that must not be used; the message says why and what to change."""
+
+
+def shown(value: object) -> str:
+    """A value as a message has it: in one line, and only the beginning of what is long."""
+    try:
+        text = " ".join(repr(value).split())
+    except (ValueError, RecursionError):  # an integer of thousands of digits, tables in tables
+        return f"a {type(value).__name__} too long to show"
+    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."

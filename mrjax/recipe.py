@@ -14,15 +14,22 @@ import jax
 import numpy as np
 from jax.tree_util import Partial
 from jax.typing import DTypeLike
-from pydantic import BeforeValidator, Field, SkipValidation, field_validator, model_validator
+from pydantic import (
+    BeforeValidator,
+    Field,
+    SkipValidation,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 
 from mrjax import drag, sheets, sizes
 from mrjax.box import AXES, Box
 from mrjax.by_numpy import by_numpy
-from mrjax.errors import InputError
-from mrjax.hindrance import Hindrance
+from mrjax.errors import InputError, shown
+from mrjax.hindrance import DENSEST, Hindrance
 from mrjax.parameters import Parameters
-from mrjax.sheets import Sheet
+from mrjax.sheets import Line, Sheet
 from mrjax.sizes import Sizes
 
 RANDOM_CLOSE_PACKING = 0.64
@@ -31,14 +38,20 @@ RANDOM_CLOSE_PACKING = 0.64
 LEAST_DENSITY, LEAST_MODULUS, LARGEST_DIAMETER = 10.0, 1e3, 0.1
 """kg/m^3, Pa and m: beyond these a number was given in another unit."""
 
-MOST_PARTICLES = 10**8
+MOST_PARTICLES = 10**7
 """More than a machine can hold: a box in micrometres, taken for metres."""
+LARGEST_BOX = 1e3
+"""m."""
+LEAST_FACTOR, LARGEST_FACTOR = 1e-6, 1e9
+"""Of the drag."""
 
 
 def _above_zero(key: str, value: object, what: str = "a number") -> float:
     number = isinstance(value, int | float) and not isinstance(value, bool)
     if not number or not 0 < value < math.inf:
-        raise ValueError(f"{key} = {value!r}: must be {what} above zero, finite")
+        raise ValueError(f"{key} = {shown(value)}: must be {what} above zero, finite")
+    if not sheets.SMALLEST <= value <= sheets.LARGEST:
+        raise ValueError(f"{key} = {shown(value)}: must be {what} between 1e-30 and 1e30")
     return float(value)
 
 
@@ -54,47 +67,56 @@ def _diameter(value: Any) -> float | Sizes:
 class Particle(Sheet):
     """The uncoated particle."""
 
-    density: float = Field(gt=0, description="the density in kg/m^3, above zero")
+    density: float = Field(gt=0, le=1e5, description="the density in kg/m^3, above zero")
     diameter: Annotated[SkipValidation[float | Sizes], BeforeValidator(_diameter)] = Field(
         description="the diameter in m, a list of them, or a table of a distribution"
     )
-    elastic_modulus: float = Field(gt=0, description="the elastic modulus in Pa, above zero")
+    elastic_modulus: float = Field(
+        gt=0, le=1e15, description="the elastic modulus in Pa, above zero"
+    )
     poisson_ratio: float = Field(gt=-1, le=0.5, description="Poisson's ratio, -1 to 0.5")
 
 
 class Fluid(Sheet):
     """The carrier fluid without additives."""
 
-    density: float = Field(gt=0, description="the density in kg/m^3, above zero")
-    viscosity: float = Field(gt=0, description="the viscosity in Pa s, above zero")
+    density: float = Field(gt=0, le=1e5, description="the density in kg/m^3, above zero")
+    viscosity: float = Field(gt=0, le=1e15, description="the viscosity in Pa s, above zero")
 
 
 class Coating(Sheet):
     """The layer of surfactant around each particle."""
 
-    density: float = Field(gt=0, description="the density in kg/m^3, above zero")
-    elastic_modulus: float = Field(gt=0, description="the elastic modulus in Pa, above zero")
+    density: float = Field(gt=0, le=1e5, description="the density in kg/m^3, above zero")
+    elastic_modulus: float = Field(
+        gt=0, le=1e15, description="the elastic modulus in Pa, above zero"
+    )
     poisson_ratio: float = Field(gt=-1, le=0.5, description="Poisson's ratio, -1 to 0.5")
-    radius_factor: float = Field(ge=1, description="f_r, coated over uncoated radius, at least 1")
+    radius_factor: float = Field(
+        ge=1, le=100, description="f_r, coated over uncoated radius, at least 1"
+    )
 
 
 class Wall(Sheet):
     """The walls; what is left out is as for the surfaces of the particles."""
 
     elastic_modulus: float | None = Field(
-        default=None, gt=0, description="the elastic modulus in Pa, above zero"
+        default=None, gt=0, le=1e15, description="the elastic modulus in Pa, above zero"
     )
     poisson_ratio: float | None = Field(
         default=None, gt=-1, le=0.5, description="Poisson's ratio, -1 to 0.5"
     )
     friction: float | None = Field(
-        default=None, ge=0, description="Coulomb's coefficient on the walls, at least 0"
+        default=None, ge=0, le=1e3, description="Coulomb's coefficient on the walls, at least 0"
     )
     restitution: float | None = Field(
-        default=None, gt=0, le=1, description="rebound over impact speed at a wall, above 0 to 1"
+        default=None, ge=1e-3, le=1, description="rebound over impact speed at a wall, 0.001 to 1"
     )
     rolling_friction: float | None = Field(
-        default=None, ge=0, description="the coefficient of rolling on the walls, at least 0"
+        default=None,
+        ge=0,
+        le=1e3,
+        description="the coefficient of rolling on the walls, at least 0",
     )
 
 
@@ -132,9 +154,14 @@ class Drag(Sheet):
     f_s: float | list[float] = Field(
         default=1.0, description="a number above zero, or [d_max, d_med, d_min] in m"
     )
-    f_v: float = Field(default=1.0, gt=0, description="a viscosity ratio above zero")
+    f_v: float = Field(
+        default=1.0,
+        ge=LEAST_FACTOR,
+        le=LARGEST_FACTOR,
+        description="a viscosity ratio above zero",
+    )
     added_mass: float = Field(
-        default=0.5, ge=0, description="added over displaced mass, 0.5 for a sphere"
+        default=0.5, ge=0, le=1e3, description="added over displaced mass, 0.5 for a sphere"
     )
 
     @field_validator("f_w", mode="before")
@@ -145,24 +172,26 @@ class Drag(Sheet):
             return _above_zero("drag.f_w", f_w, f"a closure's name ({names}) or a number")
         if not isinstance(f_w, str | dict):
             raise ValueError(
-                f"drag.f_w = {f_w!r}: must be a closure's name, a table {{closure = name, ...}} or "
-                "a number above zero"
+                f"drag.f_w = {shown(f_w)}: must be a closure's name, a table "
+                f"{{closure = name, ...}} or a number above zero"
             )
         sheet = {"closure": f_w} if isinstance(f_w, str) else f_w
         if "closure" not in sheet:
-            raise ValueError(f"drag.f_w = {f_w!r}: names no closure; add closure = one of {names}")
+            raise ValueError(
+                f"drag.f_w = {shown(f_w)}: names no closure; add closure = one of {names}"
+            )
         closure = drag.CLOSURES.get(str(sheet["closure"]))
         if closure is None:
             close = difflib.get_close_matches(str(sheet["closure"]), drag.CLOSURES, n=1)
             hint = f"did you mean {close[0]}? " if close else ""
             raise ValueError(
-                f"drag.f_w = {f_w!r}: no such closure; {hint}give a number or one of {names}"
+                f"drag.f_w = {shown(f_w)}: no such closure; {hint}give a number or one of {names}"
             )
         known = list(inspect.signature(closure).parameters)[1:]
         for key in sheet.keys() - {"closure", *known}:
             raise ValueError(
-                f"drag.f_w.{key} = {sheet[key]!r}: {sheet['closure']} has no such coefficient; "
-                f"known: {', '.join(known) or 'none'}"
+                f"drag.f_w.{key} = {shown(sheet[key])}: {sheet['closure']} has no such "
+                f"coefficient; known: {', '.join(known) or 'none'}"
             )
         if isinstance(f_w, str):
             return f_w
@@ -180,8 +209,8 @@ class Drag(Sheet):
                 raise ValueError
         except (TypeError, ValueError):
             raise ValueError(
-                f"drag.f_s = {f_s!r}: must be a number above zero, or [d_max, d_med, d_min] in m, "
-                "largest first, above zero"
+                f"drag.f_s = {shown(f_s)}: must be a number above zero, or [d_max, d_med, "
+                "d_min] in m, largest first, above zero"
             ) from None
         return [largest, medium, smallest]
 
@@ -189,19 +218,24 @@ class Drag(Sheet):
 class Contact(Sheet):
     """What happens when particles touch."""
 
-    friction: float = Field(default=0.0, ge=0, description="Coulomb's coefficient, at least 0")
-    restitution: float = Field(
-        default=1.0, gt=0, le=1, description="rebound over impact speed when dry, above 0 to 1"
+    friction: float = Field(
+        default=0.0, ge=0, le=1e3, description="Coulomb's coefficient, at least 0"
     )
-    dissipation: float = Field(default=0.0, ge=0, description="A of Eq. 4 in s, at least 0")
+    restitution: float = Field(
+        default=1.0, ge=1e-3, le=1, description="rebound over impact speed when dry, 0.001 to 1"
+    )
+    dissipation: float = Field(default=0.0, ge=0, le=1e3, description="A of Eq. 4 in s, at least 0")
     tangential_dissipation: float = Field(
-        default=0.0, ge=0, description="B of Eq. 7 in s, at least 0"
+        default=0.0, ge=0, le=1e3, description="B of Eq. 7 in s, at least 0"
     )
     rolling_friction: float = Field(
-        default=0.0, ge=0, description="the coefficient of rolling friction, at least 0"
+        default=0.0, ge=0, le=1e3, description="the coefficient of rolling friction, at least 0"
     )
     rolling_damping: float = Field(
-        default=0.0, ge=0, description="the fraction of critical damping of rolling, at least 0"
+        default=0.0,
+        ge=0,
+        le=1e3,
+        description="the fraction of critical damping of rolling, at least 0",
     )
 
 
@@ -209,11 +243,14 @@ def _box(table: Any) -> Box:
     if isinstance(table, Box):
         return table
     if not isinstance(table, dict):
-        raise ValueError(f"box = {table!r}: must be a table; give [box] with size and periodic")
+        raise ValueError(
+            f"box = {shown(table)}: must be a table; give [box] with size and periodic"
+        )
     unknown = sorted(set(table) - {"size", "periodic"})
     if unknown:
         raise ValueError(
-            f"box.{unknown[0]} = {table[unknown[0]]!r}: unknown key; known here: size, periodic"
+            f"box.{unknown[0]} = {shown(table[unknown[0]])}: unknown key; known here: size, "
+            "periodic"
         )
     if "size" not in table:
         raise ValueError("box.size is missing; give three lengths in m")
@@ -226,10 +263,11 @@ def _box(table: Any) -> Box:
 class Recipe(Sheet):
     """A suspension in a box, as written on a lab sheet; SI units, weight fractions.
 
-    `Recipe.load` reads one; a wrong sheet is an `InputError` in one line.
+    `Recipe.load` reads one, `Recipe(name=..., particle={...}, ...)` takes its tables; a wrong one
+    is an `InputError` in one line.
     """
 
-    name: str = Field(description="a name for the recipe")
+    name: Line = Field(description="a name for the recipe")
     particle: Particle = Field(description="a table [particle]")
     fluid: Fluid = Field(description="a table [fluid]")
     coating: Coating | None = Field(default=None, description="a table [coating]")
@@ -238,7 +276,13 @@ class Recipe(Sheet):
     drag: Drag = Field(default=Drag(), description="a table [drag]")
     contact: Contact = Field(default=Contact(), description="a table [contact]")
     box: Annotated[Box, BeforeValidator(_box)] = Field(description="a table [box] with size in m")
-    gravity: float = Field(default=9.81, ge=0, description="g in m/s^2, at least zero")
+    gravity: float = Field(default=9.81, ge=0, le=1e9, description="g in m/s^2, at least zero")
+
+    def __init__(self, /, **tables: Any):
+        try:
+            super().__init__(**tables)
+        except ValidationError as error:
+            raise InputError(sheets.first_fault(Recipe, error)) from None
 
     @classmethod
     def load(cls, source: str | Path) -> "Recipe":
@@ -249,6 +293,24 @@ class Recipe(Sheet):
         """
         table, _ = sheets.read(source, "mrjax.recipes", "recipe")
         return sheets.validated(cls, table, str(source))
+
+    def replace(self, **changes: Any) -> "Recipe":
+        """The same sheet with some of it changed, and checked again.
+
+            recipe.replace(gravity=1.62, fluid={"viscosity": 0.1}, coating=None)
+
+        Args:
+          changes: by key; of a table that the sheet has, only the keys to change.
+
+        Raises:
+          InputError: a value that cannot be used.
+        """
+        tables = {
+            name: vars(table) | changes[name]
+            for name, table in vars(self).items()
+            if isinstance(changes.get(name), dict) and isinstance(table, Sheet | Box)
+        }
+        return Recipe(**vars(self) | changes | tables)
 
     @property
     def volume_fraction(self) -> float:
@@ -292,7 +354,9 @@ class Recipe(Sheet):
     @property
     def largest_diameter(self) -> float:
         """Of the coated particles, m."""
-        return float(self.diameters.max(initial=0.0)) * self.radius_factor
+        diameter = self.particle.diameter
+        largest = diameter if isinstance(diameter, float) else float(self.diameters[-1])
+        return largest * self.radius_factor
 
     @property
     def apparent_density(self) -> float:
@@ -405,6 +469,7 @@ class Recipe(Sheet):
         self._check_settles()
         self._check_packing()
         self._check_closure()
+        self._check_factors()
         self._check_box()
         return self
 
@@ -424,11 +489,18 @@ class Recipe(Sheet):
                     f"{name}.elastic_modulus = {table.elastic_modulus}: no solid is so soft; give "
                     "Pa: 211 GPa is 211e9"
                 )
+        largest = max(self.box.size)
+        if largest > LARGEST_BOX:
+            raise ValueError(
+                f"box.size = {shown(list(self.box.size))}: too large for a suspension; give m: "
+                "25 um is 25e-6"
+            )
         diameter = self.particle.diameter
         typical = diameter if isinstance(diameter, float) else diameter.mean_cube ** (1 / 3)
         if typical > LARGEST_DIAMETER:
             raise ValueError(
-                f"particle.diameter = {diameter}: too large for a suspension; give m: 4 um is 4e-6"
+                f"particle.diameter = {shown(diameter)}: too large for a suspension; give m: 4 "
+                "um is 4e-6"
             )
 
     def _check_coating(self):
@@ -478,8 +550,8 @@ class Recipe(Sheet):
         name = sheet.get("closure") if isinstance(sheet, dict) else sheet
         if self.drag.local and (not isinstance(name, str) or name == "haberman-sayre"):
             raise ValueError(
-                f"drag.local = true: needs a closure that holds in the bed, not f_w = {name!r}; "
-                "give one of "
+                "drag.local = true: needs a closure that holds in the bed, not f_w = "
+                f"{shown(name)}; give one of "
                 + ", ".join(closure for closure in drag.CLOSURES if closure != "haberman-sayre")
             )
         if name != "haberman-sayre":
@@ -487,10 +559,22 @@ class Recipe(Sheet):
         limit = float(drag.volume_fraction_at(drag.HABERMAN_SAYRE_LIMIT))
         if self.coated_volume_fraction > limit:
             raise ValueError(
-                f"drag.f_w = {name!r}: holds up to a volume fraction of {limit:.4f} (lambda = "
+                f"drag.f_w = {shown(name)}: holds up to a volume fraction of {limit:.4f} (lambda = "
                 f"{drag.HABERMAN_SAYRE_LIMIT}), not at {self.coated_volume_fraction:.4f}; give "
                 "another closure or a number"
             )
+
+    def _check_factors(self):
+        factors = {"f_w": [self.f_w], "f_s": [self.f_s]}
+        if self.hindrance:
+            factors["f_w"].append(float(by_numpy(self.hindrance, DENSEST)))
+        for name, values in factors.items():
+            for value in values:
+                if not LEAST_FACTOR <= value <= LARGEST_FACTOR:
+                    raise ValueError(
+                        f"drag.{name} = {shown(getattr(self.drag, name))}: a factor of "
+                        f"{value:.3g}; give one between {LEAST_FACTOR:g} and {LARGEST_FACTOR:g}"
+                    )
 
     def _check_box(self):
         count, size = self.particle_count, list(self.box.size)

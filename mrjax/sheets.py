@@ -5,11 +5,17 @@ import os
 import tomllib
 from importlib import resources
 from pathlib import Path
-from typing import Any, NoReturn, TypeVar
+from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, field_validator
+from pydantic_core import PydanticCustomError
 
-from mrjax.errors import InputError
+from mrjax.errors import LONGEST, InputError, shown
+
+MOST_BYTES = 10**6
+"""Size of a file beyond which it is no sheet that anyone has written."""
+SMALLEST, LARGEST = 1e-30, 1e30
+"""Of numbers beside 0, in any unit: what follows from others is not finite."""
 
 
 class Sheet(BaseModel):
@@ -19,6 +25,25 @@ class Sheet(BaseModel):
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+    @field_validator("*")
+    @classmethod
+    def _measurable(cls, value: Any) -> Any:
+        parts = value.values() if isinstance(value, dict) else value
+        for one in parts if isinstance(value, dict | list) else [value]:
+            if isinstance(one, float) and one and not SMALLEST <= abs(one) <= LARGEST:
+                raise PydanticCustomError("beyond", "must be 0, or between 1e-30 and 1e30 in size")
+        return value
+
+
+def _one_line(text: str) -> str:
+    if not text or not text.isprintable():
+        raise PydanticCustomError("line", "must be one line of text")
+    return text
+
+
+Line = Annotated[str, AfterValidator(_one_line)]
+"""A name or a path, as it is repeated in messages."""
 
 
 OF_ANOTHER_FILE = {
@@ -50,13 +75,15 @@ def read(source: str | Path, package: str, kind: str) -> tuple[dict[str, Any], P
     if not isinstance(source, str | os.PathLike):
         raise InputError(f"{source!r}: is no file name; give a {kind}'s name or a path")
     name = str(source)
+    if not name.isprintable():
+        raise InputError(f"{shown(name)}: is no file name; give a {kind}'s name or a path")
     known = bundled(package)
     path = known.get(name, Path(source))
     names = ", ".join(sorted(known))
     if not name:
         raise InputError(f"'': is no file name; give a TOML file or one of {names}")
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        return tomllib.loads(text(path)), path
     except FileNotFoundError:
         close = difflib.get_close_matches(name.lower(), known, n=1)
         hint = f"did you mean {close[0]}? " if close else ""
@@ -70,15 +97,31 @@ def read(source: str | Path, package: str, kind: str) -> tuple[dict[str, Any], P
         ) from None
     except UnicodeDecodeError:
         raise InputError(f"{source}: is not UTF-8 text; save the {kind} as UTF-8 TOML") from None
+    except InputError:
+        raise
+    except tomllib.TOMLDecodeError as error:
+        said = " ".join(str(error).split())  # its end says where
+        said = said if len(said) <= 2 * LONGEST else f"{said[:LONGEST]} ... {said[-LONGEST:]}"
+        raise InputError(f"{source}: is not TOML: {said}; mend that line") from None
+    except RecursionError:
+        raise InputError(f"{source}: has tables in tables without end; write them flat") from None
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{source}: cannot be read ({reason}); check the path") from None
-    try:
-        return tomllib.loads(text), path
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(
-            f"{source}: is not TOML: {' '.join(str(error).split())}; mend that line"
-        ) from None
+
+
+def text(path: Path, most: int = MOST_BYTES) -> str:
+    """A text file, as long as it is not larger than so many bytes.
+
+    Raises:
+      InputError: it is.
+      OSError, UnicodeDecodeError: it cannot be read, or is no UTF-8.
+    """
+    with path.open("rb") as file:  # what has no end, too
+        content = file.read(most + 1)
+    if len(content) > most:
+        raise InputError(f"{path}: is larger than {most / 1e6:g} MB; check the path")
+    return content.decode("utf-8-sig")
 
 
 def validated(model: type[SheetType], table: dict[str, Any], source: str) -> SheetType:
@@ -90,35 +133,40 @@ def validated(model: type[SheetType], table: dict[str, Any], source: str) -> She
     try:
         return model.model_validate(table)
     except ValidationError as error:
-        _refuse(model, error, source)
+        raise InputError(f"{source}: {first_fault(model, error)}") from None
 
 
-def _refuse(model: type[Sheet], error: ValidationError, source: str) -> NoReturn:
+def first_fault(model: type[Sheet], error: ValidationError) -> str:
+    """One line: the key, its value, what is wrong and what to give."""
     faults = error.errors(include_url=False)
     # A misspelt key is also a missing one: name the spelling.
     fault = min(faults, key=lambda fault: fault["type"] != "extra_forbidden")
     path, kind = list(fault["loc"]), fault["type"]
     if kind != "extra_forbidden":
         path = [part for part in path if not _is_branch(part)]
-    key = ".".join(str(part) if str(part).isidentifier() else repr(part) for part in path)
+    key = ".".join(map(_key, path))
     field = _field(model, path)
     description = field.description if field is not None else None
     match kind:
         case "missing":
-            message = f"{key} is missing; give {description}"
+            return f"{key} is missing; give {description}"
         case "extra_forbidden":
             known = _known_keys(model, path[:-1])
             close = difflib.get_close_matches(str(path[-1]), known, n=1)
             hint = f"did you mean {close[0]}?" if close else f"known here: {', '.join(known)}"
-            message = f"{key} = {_shown(fault['input'])}: unknown key; {hint}"
             if len(path) == 1 and path[0] in OF_ANOTHER_FILE:
-                message = f"{key}: this is {OF_ANOTHER_FILE[path[0]]}"
+                return f"{key}: this is {OF_ANOTHER_FILE[path[0]]}"
+            return f"{key} = {shown(fault['input'])}: unknown key; {hint}"
         case "value_error":
             message = str(fault["ctx"]["error"])
-            message = message if key.split(".")[0] in message else f"{key}: {message}"
+            return message if key.split(".")[0] in message else f"{key}: {message}"
         case _:
-            message = f"{key} = {_shown(fault['input'])}: {_problem(fault)}; give {description}"
-    raise InputError(f"{source}: {message}") from None
+            return f"{key} = {shown(fault['input'])}: {_problem(fault)}; give {description}"
+
+
+def _key(part: str | int) -> str:
+    plain = str(part).isidentifier() and len(str(part)) <= LONGEST
+    return str(part) if plain else shown(part)
 
 
 def _problem(fault: dict[str, Any]) -> str:
@@ -137,11 +185,6 @@ def _problem(fault: dict[str, Any]) -> str:
 def _is_branch(part: Any) -> bool:
     """Whether a part of an error's location names a branch of a union, not a key."""
     return isinstance(part, str) and ("[" in part or part in {"float", "str", "int"})
-
-
-def _shown(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."
 
 
 def _model_at(model: type[Sheet], path: list) -> type[Sheet] | None:

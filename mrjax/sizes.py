@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mrjax.errors import InputError
+from mrjax.errors import InputError, shown
 
 WIDEST = 3.0
 """Largest geometric standard deviation: beyond, a few particles hold all the volume."""
@@ -40,8 +40,8 @@ class Classes:
             fractions = _positive_list("fractions", self.fractions, "fractions")
             if len(fractions) != len(self.values):
                 raise InputError(
-                    f"fractions = {list(fractions)}: {len(fractions)} for {len(self.values)} "
-                    "values; give one for each"
+                    f"fractions = {shown(list(fractions))}: {len(fractions)} for "
+                    f"{len(self.values)} values; give one for each"
                 )
             object.__setattr__(self, "fractions", fractions)
         _basis(self.by)
@@ -87,11 +87,13 @@ class LogNormal:
     def __post_init__(self):
         spread = self.geometric_standard_deviation
         if not _is_positive(self.median):
-            raise InputError(f"median = {self.median!r}: must be a diameter in m, above zero")
+            raise InputError(
+                f"median = {shown(self.median)}: must be a diameter in m, above zero, at most 1e30"
+            )
         if not _is_positive(spread) or not 1 < spread <= WIDEST:
             raise InputError(
-                f"geometric_standard_deviation = {spread!r}: must be above 1, at most {WIDEST:g}; "
-                "without spread, give the diameter alone"
+                f"geometric_standard_deviation = {shown(spread)}: must be above 1, at most "
+                f"{WIDEST:g}; without spread, give the diameter alone"
             )
         _basis(self.by)
 
@@ -133,14 +135,16 @@ def of(diameter: Any) -> Sizes:
         return Classes(tuple(diameter))
     if not isinstance(diameter, dict):
         raise InputError(
-            f"values = {diameter!r}: must be a list of diameters in m; or give the diameter as a "
-            "number, or a table"
+            f"values = {shown(diameter)}: must be a list of diameters in m; or give the "
+            "diameter as a number, or a table"
         )
     kind = LogNormal if "median" in diameter else Classes
     known = list(kind.__dataclass_fields__)
     for key in diameter:
         if key not in known:
-            raise InputError(f"{key} = {diameter[key]!r}: unknown key; known: {', '.join(known)}")
+            raise InputError(
+                f"{key} = {shown(diameter[key])}: unknown key; known: {', '.join(known)}"
+            )
     needed = ("median", "geometric_standard_deviation") if kind is LogNormal else ("values",)
     for key in needed:
         if key not in diameter:
@@ -152,16 +156,18 @@ def of(diameter: Any) -> Sizes:
 
 def _is_positive(value: Any) -> bool:
     number = isinstance(value, Real) and not isinstance(value, bool)
-    return number and 0 < value < math.inf
+    return number and 1e-30 <= value <= 1e30  # what follows from others is not finite
 
 
 def _positive_list(name: str, values: Any, what: str) -> tuple[float, ...]:
     if not isinstance(values, list | tuple) or not values or not all(map(_is_positive, values)):
-        shown = list(values) if isinstance(values, tuple) else values
-        raise InputError(f"{name} = {shown!r}: must be a list of {what}, all above zero")
+        given = list(values) if isinstance(values, tuple) else values
+        raise InputError(
+            f"{name} = {shown(given)}: must be a list of {what}, all above zero, at most 1e30"
+        )
     return tuple(float(value) for value in values)
 
 
 def _basis(by: Any) -> None:
     if by not in ("number", "volume"):
-        raise InputError(f'by = {by!r}: must be "number" or "volume"')
+        raise InputError(f'by = {shown(by)}: must be "number" or "volume"')

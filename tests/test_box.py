@@ -169,6 +169,6 @@ def test_flags_that_are_not_three_of_true_or_false_are_refused(periodic):
     with pytest.raises(InputError) as refusal:
         Box(SIZE, periodic)
     message = str(refusal.value)
-    assert f"periodic = {periodic}" in message
+    assert f"periodic = {periodic!r}" in message
     assert "true or false, for x, y and z" in message
     assert "\n" not in message

@@ -1,6 +1,7 @@
 """The lab sheet: what follows from it, against hand calculations, and every fault it can have."""
 
 import math
+import tomllib
 from functools import partial
 from importlib import resources
 
@@ -308,7 +309,7 @@ FAULTS = {
     "restitution": (
         "restitution = 0.5",
         "restitution = 1.5",
-        ["contact.restitution = 1.5", "less than or equal to 1", "above 0 to 1"],
+        ["contact.restitution = 1.5", "less than or equal to 1", "0.001 to 1"],
     ),
     "friction": ("friction = 0.3", "friction = -0.3", ["contact.friction = -0.3", "at least 0"]),
     "gravity": ("[particle]", "gravity = -9.81\n[particle]", ["gravity = -9.81", "at least zero"]),
@@ -471,7 +472,7 @@ FAULTS = {
     ),
     "two flags": (PERIODIC, "periodic = [true, false]", ["box", "= [True, False]", "x, y"]),
     "one flag": (PERIODIC, "periodic = true", ["box", "periodic = True", "three of true or false"]),
-    "flag in words": (PERIODIC, "periodic = 'yes'", ["box", "periodic = yes", "true or false"]),
+    "flag in words": (PERIODIC, "periodic = 'yes'", ["box", "periodic = 'yes'", "true or false"]),
     "flag of two": (PERIODIC, "periodic = [2, 0, 0]", ["box", "[2, 0, 0]", "true or false"]),
     "flag as a number": (
         PERIODIC, "periodic = 3", ["box", "periodic = 3", "true or false"]),
@@ -610,6 +611,82 @@ def test_a_directory_is_refused(tmp_path):
 
 
 def test_a_path_that_cannot_be_opened_is_refused():
-    for source in ("a\0b", 300 * "x"):
-        with pytest.raises(mrjax.InputError, match=r"cannot be read .*; check the path"):
+    with pytest.raises(mrjax.InputError, match=r"cannot be read .*; check the path"):
+        mrjax.Recipe.load(300 * "x")
+    for source in ("a\0b", "a\nb", "\udcff.toml"):  # the last: bytes that are no text
+        with pytest.raises(mrjax.InputError, match=r"^'.*': is no file name; give a recipe's name"):
             mrjax.Recipe.load(source)
+
+
+# Made in Python ---------------------------------------------------------------------------------
+
+
+def test_a_recipe_made_in_python_is_refused_like_a_file():
+    tables = tomllib.loads(CASE3)
+    assert mrjax.Recipe(**tables) == mrjax.Recipe.load("case3")
+    for key, value, message in (
+        ("gravity", -1.0, "gravity = -1.0: must be greater than or equal to 0; give g in m/s^2, "),
+        ("gravty", 1.0, "gravty = 1.0: unknown key; did you mean gravity?"),
+        ("box", {"size": [1e-5, 1e-5]}, "box.size = [1e-05, 1e-05] must be three positive lengths"),
+        ("fluid", {"density": 950.0}, "fluid.viscosity is missing; give the viscosity in Pa s"),
+        ("self", 1.0, "self = 1.0: unknown key"),
+        ("name", "two\nlines", "name = 'two\\nlines': must be one line of text"),
+    ):
+        with pytest.raises(mrjax.InputError) as refusal:
+            mrjax.Recipe(**tables | {key: value})
+        assert str(refusal.value).startswith(message)
+    with pytest.raises(mrjax.InputError, match=r"^name is missing; give a name for the recipe$"):
+        mrjax.Recipe()
+
+
+def test_what_is_replaced_is_checked_and_the_rest_stays(case3):
+    other = case3.replace(gravity=1.62, fluid={"viscosity": 0.1}, box={"periodic": (True,) * 3})
+    assert (other.gravity, other.fluid.viscosity, other.fluid.density) == (1.62, 0.1, 950.0)
+    assert other.box == mrjax.Box(case3.box.size, (True,) * 3)
+    assert other.coating == case3.coating and case3.gravity == 9.81
+    assert case3.replace() == case3
+    bare = case3.replace(coating=None, composition={"particle": 0.8, "coating": 0.0})
+    assert bare.coating is None and bare.radius_factor == 1.0
+    again = bare.replace(
+        coating=dict(vars(case3.coating)), composition={"particle": 0.784, "coating": 0.016}
+    )
+    assert again == case3
+    with pytest.raises(mrjax.InputError, match=r"^fluid.viscosity = -1: must be greater than 0"):
+        case3.replace(fluid={"viscosity": -1})
+    with pytest.raises(mrjax.InputError, match=r"^viscosity = 1: unknown key"):
+        case3.replace(viscosity=1)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        (
+            "viscosity = 0.01",
+            "viscosity = 1e-300",
+            "fluid.viscosity = 1e-300: must be 0, or between",
+        ),
+        (
+            "density = 950.0",
+            "density = 1e300",
+            "fluid.density = 1e+300: must be less than or equal",
+        ),
+        ("4e-6", "1e-300", "particle.diameter = 1e-300: must be the diameter in m between"),
+        ("4e-6", "[4e-6, 1e300]", "particle.diameter.values = [4e-06, 1e+300]: must be a list"),
+        ("25e-6, 25e-6", "1e300, 25e-6", "box.size = [1e+300, 2.5e-05, 5e-05]: too large"),
+        ("25e-6, 25e-6", "1" + "0" * 400 + ", 25e-6", "box.size = [1000000"),
+        ('"son2018"', '{closure = "richardson-zaki", exponent = 1e3}', "drag.f_w = {'closure': "),
+        ("f_s = 1.10", "f_s = [1e30, 1e30, 1e-30]", "drag.f_s = [1e+30, 1e+30, 1e-30]: a factor"),
+        ("viscosity = 0.01", "viscosity = " + "9" * 5000, ": cannot be read (Exceeds the limit"),
+        ("viscosity = 0.01", "viscosity = " + "[" * 5000, ": has tables in tables without end"),
+    ],
+)
+def test_numbers_of_no_suspension_are_refused(old, new, says, load):
+    with pytest.raises(mrjax.InputError) as refusal:
+        load(edited(CASE3, (old, new)))
+    message = str(refusal.value)
+    assert says in message and len(message) < 400 and message.isprintable()
+
+
+def test_a_file_too_large_for_a_sheet_is_not_read(load):
+    with pytest.raises(mrjax.InputError, match=r"sheet.toml: is larger than 1 MB"):
+        load("#" * 1_000_001)
