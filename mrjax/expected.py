@@ -72,6 +72,9 @@ def step(
       particles: N.
       falling: speed, m/s.
       hindrance: f_w where drag is local.
+
+    Raises:
+      InputError: no step would do.
     """
     with jax.ensure_compile_time_eval():
         law = partial(_overlaps, box=box, particles=particles, falling=falling)
@@ -79,10 +82,15 @@ def step(
         layers = [(numbers, resting)]
         if hindrance is not None:
             layers = [
-                (numbers.replace(f_w=known(hindrance)(share)), overlap)
+                (numbers.replace(f_w=by_numpy(known(hindrance), share)), overlap)
                 for share, overlap in ((BED, resting), (THIN * fraction, alone))
             ]
-        return min(_stable(layer, max(overlap, impact)) for layer, overlap in layers)
+        longest = min(_stable(layer, max(overlap, impact)) for layer, overlap in layers)
+    if not longest > 0.0:
+        raise InputError(
+            "the dashpots of contacts are so strong that no step is stable: give less dissipation"
+        )
+    return longest
 
 
 def _stable(numbers: Parameters, overlap: float) -> float:

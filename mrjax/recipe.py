@@ -57,7 +57,9 @@ def _above_zero(key: str, value: object, what: str = "a number") -> float:
 
 def _diameter(value: Any) -> float | Sizes:
     if isinstance(value, int | float) and not isinstance(value, bool):
-        return _above_zero("particle.diameter", value, "the diameter in m")
+        diameter = _above_zero("particle.diameter", value, "the diameter in m")
+        sizes.refuse_tiny("particle.diameter", diameter)
+        return diameter
     try:
         return sizes.of(value)
     except InputError as error:
@@ -81,7 +83,7 @@ class Fluid(Sheet):
     """The carrier fluid without additives."""
 
     density: float = Field(gt=0, le=1e5, description="the density in kg/m^3, above zero")
-    viscosity: float = Field(gt=0, le=1e15, description="the viscosity in Pa s, above zero")
+    viscosity: float = Field(ge=1e-9, le=1e15, description="the viscosity in Pa s, above zero")
 
 
 class Coating(Sheet):

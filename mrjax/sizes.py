@@ -13,6 +13,8 @@ import numpy as np
 
 from mrjax.errors import InputError, shown
 
+LEAST_DIAMETER = 1e-10
+"""m, of an atom: what is smaller was given in another unit."""
 WIDEST = 3.0
 """Largest geometric standard deviation: beyond, a few particles hold all the volume."""
 
@@ -36,6 +38,7 @@ class Classes:
 
     def __post_init__(self):
         object.__setattr__(self, "values", _positive_list("values", self.values, "diameters in m"))
+        refuse_tiny("values", min(self.values))
         if self.fractions is not None:
             fractions = _positive_list("fractions", self.fractions, "fractions")
             if len(fractions) != len(self.values):
@@ -90,6 +93,7 @@ class LogNormal:
             raise InputError(
                 f"median = {shown(self.median)}: must be a diameter in m, above zero, at most 1e30"
             )
+        refuse_tiny("median", self.median)
         if not _is_positive(spread) or not 1 < spread <= WIDEST:
             raise InputError(
                 f"geometric_standard_deviation = {shown(spread)}: must be above 1, at most "
@@ -152,6 +156,16 @@ def of(diameter: Any) -> Sizes:
                 f"{key} is missing; give values, or median and geometric_standard_deviation"
             )
     return kind(**diameter)
+
+
+def refuse_tiny(key: str, diameter: float) -> None:
+    """Passes a diameter in m of which a particle may be.
+
+    Raises:
+      InputError: it is smaller than an atom.
+    """
+    if diameter < LEAST_DIAMETER:
+        raise InputError(f"{key} = {diameter:g}: smaller than an atom; give m: 4 um is 4e-6")
 
 
 def _is_positive(value: Any) -> bool:

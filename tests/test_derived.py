@@ -76,3 +76,11 @@ def test_the_worst_particle_of_many_counts():
     many = spheres(4e-6).replace(radius=np.array([2e-6, 0.1e-6, 0.5e-3]))
     reynolds, stokes, peclet = validity.numbers(many, mrjax.terminal_velocity(many))
     assert reynolds.warning and stokes.warning and peclet.warning
+
+
+def test_contacts_too_viscous_for_any_step_are_refused(case2):
+    viscous = case2.replace(
+        gravity=1e9, contact={"dissipation": 1e3}, drag={"f_w": 1e-6, "f_s": 1e-6, "f_v": 1e-6}
+    )
+    with pytest.raises(mrjax.InputError, match="no step is stable: give less dissipation"):
+        derived.derived(viscous)

@@ -21,8 +21,8 @@ import mrjax.__main__
 from calibrate import Experiment
 from mrjax import InputError, Recipe, commands, derived, processes, reproduce
 
-FEW, MANY = 60, 1500
-"""Inputs of each of seven kinds, in a quick and in a slow run."""
+FEW, MANY = 60, 1300
+"""Inputs of each of eight kinds, in a quick and in a slow run."""
 LONGEST_MESSAGE = 1000
 """Characters, the path of the file included."""
 
@@ -297,6 +297,62 @@ def test_recipes_with_some_of_them_replaced(inputs):
     keys = st.sampled_from(["name", "fluid", "coating", "wall", "drag", "box", "gravity", "no"])
     inner = st.dictionaries(st.sampled_from(["density", "f_w", "size", "friction"]), THINGS)
     holds(inputs, st.dictionaries(keys, THINGS | inner, max_size=3), check)
+
+
+def between(least: float, most: float) -> st.SearchStrategy[float]:
+    """Numbers of all sizes between two, the ends among them."""
+    return st.sampled_from([least, most]) | st.floats(math.log10(least), math.log10(most)).map(
+        lambda power: 10.0**power
+    )
+
+
+@st.composite
+def strange_tables(draw) -> dict:
+    """A suspension that nobody has seen, each of its numbers within what a sheet may say."""
+    diameter = draw(between(1e-10, 0.1))
+    density = draw(between(20.0, 1e5))
+    fluid = max(10.0, density * draw(st.sampled_from([1e-3, 0.5, 1.0 - 1e-15])))
+    rest = st.sampled_from([0.0, 0.0, 1e-30, 1e-9, 1.0, 1e3])
+    sphere = {
+        "density": density,
+        "elastic_modulus": draw(between(1e3, 1e15)),
+        "poisson_ratio": draw(st.sampled_from([-1.0 + 1e-15, -0.5, 0.0, 0.31, 0.5])),
+    }
+    heavy = draw(st.sampled_from([1e-9, 1e-6, 0.01, 0.5, 0.6]))
+    closure = draw(st.sampled_from([None, None, "son2018", "richardson-zaki"]))
+    edge = diameter * max(3.0, (10.0 / heavy) ** (1 / 3)) * draw(st.sampled_from([1.0, 10.0]))
+    return {
+        "name": "strange",
+        "gravity": draw(between(1e-30, 1e9) | st.just(0.0)),
+        "particle": {**sphere, "diameter": diameter},
+        "fluid": {"density": fluid, "viscosity": draw(between(1e-9, 1e15))},
+        "composition": {"particle": heavy, "fluid": 1.0 - heavy},
+        "drag": {
+            "f_w": closure or draw(between(1e-6, 1e9)),
+            "f_s": draw(between(1e-6, 1e9)),
+            "f_v": draw(between(1e-6, 1e9)),
+            "local": closure is not None and draw(st.booleans()),
+            "added_mass": draw(rest),
+        },
+        "contact": {
+            "friction": draw(rest),
+            "restitution": draw(st.sampled_from([1e-3, 0.5, 1.0])),
+            "dissipation": draw(rest),
+            "tangential_dissipation": draw(rest),
+            "rolling_friction": draw(rest),
+            "rolling_damping": draw(rest),
+        },
+        "box": {"size": [edge, edge, edge * draw(st.sampled_from([1.0, 100.0]))]},
+    }
+
+
+@sizes
+def test_suspensions_that_nobody_has_seen(inputs):
+    def check(tables: dict) -> None:
+        if recipe := accepted(lambda: Recipe(**tables)):
+            finite(recipe)
+
+    holds(inputs, strange_tables(), check)
 
 
 # Command lines ----------------------------------------------------------------------------------

@@ -651,7 +651,7 @@ def test_what_is_replaced_is_checked_and_the_rest_stays(case3):
         coating=dict(vars(case3.coating)), composition={"particle": 0.784, "coating": 0.016}
     )
     assert again == case3
-    with pytest.raises(mrjax.InputError, match=r"^fluid.viscosity = -1: must be greater than 0"):
+    with pytest.raises(mrjax.InputError, match=r"^fluid.viscosity = -1: must be greater than"):
         case3.replace(fluid={"viscosity": -1})
     with pytest.raises(mrjax.InputError, match=r"^viscosity = 1: unknown key"):
         case3.replace(viscosity=1)
@@ -663,14 +663,17 @@ def test_what_is_replaced_is_checked_and_the_rest_stays(case3):
         (
             "viscosity = 0.01",
             "viscosity = 1e-300",
-            "fluid.viscosity = 1e-300: must be 0, or between",
+            "fluid.viscosity = 1e-300: must be greater than",
         ),
         (
             "density = 950.0",
             "density = 1e300",
             "fluid.density = 1e+300: must be less than or equal",
         ),
+        ("friction = 0.3", "friction = 1e-300", "contact.friction = 1e-300: must be 0, or between"),
         ("4e-6", "1e-300", "particle.diameter = 1e-300: must be the diameter in m between"),
+        ("4e-6", "4e-12", "particle.diameter = 4e-12: smaller than an atom; give m: 4 um is 4e-6"),
+        ("4e-6", "[4e-6, 4e-12]", "particle.diameter.values = 4e-12: smaller than an atom"),
         ("4e-6", "[4e-6, 1e300]", "particle.diameter.values = [4e-06, 1e+300]: must be a list"),
         ("25e-6, 25e-6", "1e300, 25e-6", "box.size = [1e+300, 2.5e-05, 5e-05]: too large"),
         ("25e-6, 25e-6", "1" + "0" * 400 + ", 25e-6", "box.size = [1000000"),

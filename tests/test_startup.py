@@ -85,7 +85,7 @@ seen = []
 jax.monitoring.register_event_duration_secs_listener(lambda event, *_, **__: seen.append(event))
 import mrjax
 from mrjax import derived
-recipe = mrjax.Recipe.load({recipe!r})
+recipe = mrjax.Recipe.load({recipe!r}).replace(drag={{"local": {local}}})
 derived.derived(recipe), derived.warnings(recipe)
 print(seen.count("/jax/core/compile/backend_compile_duration"))
 jax.jit(lambda x: x + 1)(1.0)
@@ -93,10 +93,10 @@ print(seen.count("/jax/core/compile/backend_compile_duration"))
 """
 
 
-@pytest.mark.parametrize("recipe", ["case2", "case3"])
-def test_what_follows_from_a_recipe_is_not_compiled(recipe):
+@pytest.mark.parametrize("recipe, local", [("case2", False), ("case3", True)])
+def test_what_follows_from_a_recipe_is_not_compiled(recipe, local):
     """It was some sixty programs of one operation each, 20 ms apiece."""
-    compiled, one_more = map(int, printed(COMPILED.format(recipe=recipe)).split())
+    compiled, one_more = map(int, printed(COMPILED.format(recipe=recipe, local=local)).split())
     assert compiled <= 4
     assert one_more == compiled + 1  # they are counted at all
 
