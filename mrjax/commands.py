@@ -10,7 +10,6 @@ import re
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click

@@ -10,22 +10,15 @@ import time
 from functools import partial
 from pathlib import Path
 
-<<<<<<< HEAD
+import click
 import gsd.hoomd
 import numpy as np
-=======
-import click
->>>>>>> ce95302 (Fuzzed input: ten thousand changed sheets, curves, tables and command lines; what fell out of it mended)
 import pytest
 from PIL import Image
 
-<<<<<<< HEAD
-from mrjax import Recipe, load_run
-=======
 import calibrate.__main__
 import mrjax.__main__
-from mrjax import Recipe
->>>>>>> ce95302 (Fuzzed input: ten thousand changed sheets, curves, tables and command lines; what fell out of it mended)
+from mrjax import Recipe, load_run
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 

@@ -55,6 +55,7 @@ def test_a_byte_order_mark_is_no_fault(tmp_path):
         ("time\n1\n2\n", ["line 1", "the header is time", "mudline or sedimentation_ratio"]),
         ("1,90\n2,80\n", ["line 1", "'1' is not known"]),
         ("", ["line 1", "missing"]),
+        ("time,mudline\n1,90\n1e308,80\n", ["line 3", "time = 1e+308", "between 1e-30 and 1e30"]),
         ("time,mudline\n1,90\n", ["1 rows", "at least 2"]),
         ("time,mudline,standard_deviation\n1,90,0\n2,80,1\n", ["line 2", "= 0", "above zero"]),
         ("time,sedimentation_ratio\n1,0.9\n2,0.8\n", ["unit = 'mm'", "1, %"]),

@@ -2,7 +2,7 @@
 
 from mrjax.figures.animation import refuse_without_writer, save_animation
 from mrjax.figures.contacts import force_chains, force_distribution
-from mrjax.figures.curves import MM_PER_DAY, sedimentation, settling
+from mrjax.figures.curves import sedimentation, settling
 from mrjax.figures.heat_map import concentration
 from mrjax.figures.sensitivities import sensitivities, sensitivity_curves
 from mrjax.figures.spheres import particles
@@ -10,7 +10,6 @@ from mrjax.figures.style import COLUMN, PAGE, STYLE
 
 __all__ = [
     "COLUMN",
-    "MM_PER_DAY",
     "PAGE",
     "STYLE",
     "concentration",
