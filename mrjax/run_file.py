@@ -31,7 +31,7 @@ OF_CONTACTS = {"partner": "partner", "sliding_m": "sliding", "rolling_rad": "rol
 """Fields of `Contacts`."""
 
 
-def save_run(path: Path, run: Run, made_by: Mapping[str, Any]) -> None:
+def save_run(path: str | Path, run: Run, made_by: Mapping[str, Any]) -> None:
     """Writes a run, or several side by side, as an `.npz` file, which is replaced at once.
 
     Args:
@@ -40,8 +40,12 @@ def save_run(path: Path, run: Run, made_by: Mapping[str, Any]) -> None:
       made_by: recipe, seed, versions: what JSON takes.
 
     Raises:
+      InputError: another ending.
       SimulationError: the run is not to be trusted.
     """
+    path = Path(path)
+    if path.suffix != ".npz":
+        raise InputError(f"{path}: give a name that ends in .npz")
     run.check()
     state = run.state
     arrays = {name: getattr(run, field) for name, field in OF_RUN.items()}

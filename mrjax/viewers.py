@@ -21,7 +21,7 @@ PER_METRE = 1e6
 """Micrometres."""
 
 
-def write_gsd(path: Path, run: Run, metadata: Mapping[str, Any]) -> None:
+def write_gsd(path: str | Path, run: Run, metadata: Mapping[str, Any]) -> None:
     """A trajectory as GSD, in HOOMD's schema: a frame for each recorded time, in single precision.
 
     Coordinates are from the middle of the box. Each frame has the time step, `log/time_s`, and of
@@ -47,7 +47,7 @@ def write_gsd(path: Path, run: Run, metadata: Mapping[str, Any]) -> None:
     material = run.state.material
     index = np.zeros(run.state.particles) if material is None else np.asarray(material)
     types = [f"material {one}" for one in range(int(index.max()) + 1)]
-    with files.replacing(path) as scratch, gsd.hoomd.open(scratch, "w") as written:
+    with files.replacing(Path(path)) as scratch, gsd.hoomd.open(scratch, "w") as written:
         for number, time in enumerate(np.asarray(run.times, float)):
             frame = gsd.hoomd.Frame()
             frame.configuration.step = round(run.steps * number / (len(position) - 1))
@@ -69,7 +69,7 @@ def write_gsd(path: Path, run: Run, metadata: Mapping[str, Any]) -> None:
             written.append(frame)
 
 
-def write_vtk(path: Path, run: Run) -> None:
+def write_vtk(path: str | Path, run: Run) -> None:
     """A trajectory as a `.pvd` file, which lists a `.vtu` file for each recorded time.
 
     Those are in a folder of the same name beside it. Points are the centres (um), in the box on
@@ -81,7 +81,7 @@ def write_vtk(path: Path, run: Run) -> None:
       run: one that recorded its trajectory.
 
     Raises:
-      InputError: a run without a trajectory, or a folder that cannot be made.
+      InputError: a run without a trajectory, another ending, or a folder that cannot be made.
       SimulationError: the run is not to be trusted.
     """
     from pyevtk.hl import pointsToVTK
@@ -96,6 +96,9 @@ def write_vtk(path: Path, run: Run) -> None:
     }
     if run.state.material is not None:
         of_each["material"] = np.asarray(run.state.material)
+    path = Path(path)
+    if path.suffix != ".pvd":
+        raise InputError(f"{path}: give a name that ends in .pvd")
     frames = path.with_suffix("")
     try:
         frames.mkdir(exist_ok=True)

@@ -53,7 +53,7 @@ def run(request):
 def test_gsd_has_every_number(run, tmp_path, caplog):
     """In single precision, in um, from the middle of the box."""
     path = tmp_path / "trajectory.gsd"
-    viewers.write_gsd(path, run, MADE_BY)
+    viewers.write_gsd(str(path), run, MADE_BY)
     assert caplog.records == []  # which would be printed
     assert list(tmp_path.iterdir()) == [path]
     size = np.array(BOX.size)
@@ -168,6 +168,10 @@ def test_what_is_no_trajectory_is_refused(run, tmp_path):
             write(tmp_path / "a", spoilt)
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "a").touch()
+    with pytest.raises(InputError, match=r"run: give a name that ends in \.npz"):
+        mrjax.save_run(tmp_path / "run", run, {})
+    with pytest.raises(InputError, match=r"a: give a name that ends in \.pvd"):
+        viewers.write_vtk(tmp_path / "a", run)
     with pytest.raises(InputError, match="a: cannot be made"):
         viewers.write_vtk(tmp_path / "a.pvd", run)
     mrjax.files.write_npz(tmp_path / "other.npz", {"a": np.zeros(3)}, {})
