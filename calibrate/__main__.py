@@ -15,12 +15,14 @@ from mrjax import InputError, SimulationError, commands
     help="""Fits an EXPERIMENT, bundled (fang2005, synthetic) or a TOML file of samples and
     parameters.
 
-    Writes fit.json, report.md, report.html and figures.
+    Writes fit.json, report.md, report.html and figures; until then, what --resume goes on from in
+    DIR/checkpoint.
 
     \b
     Examples:
       mrjax-calibrate fang2005 --out results
       mrjax-calibrate mine.toml --model column --starts 8 --posterior
+      mrjax-calibrate mine.toml --model column --starts 8 --posterior --resume   # if stopped
       mrjax-calibrate mine.toml --begin-with closed-form
       mrjax-calibrate mine.toml --leave-one-out
       mrjax-calibrate mine.toml --predict new.toml --like A
@@ -64,6 +66,7 @@ from mrjax import InputError, SimulationError, commands
 )
 @click.option("--like", metavar="SAMPLE", help="The sample whose parameters that recipe shares.")
 @commands.pdf_option
+@commands.resume_option
 @commands.seed_option
 @commands.dtype_option
 @commands.quiet_option
@@ -80,6 +83,7 @@ def cli(
     predict: str | None,
     like: str | None,
     pdf: bool,
+    resume: bool,
     seed: int,
     dtype: str,
     quiet: bool,
@@ -96,6 +100,7 @@ def cli(
     from calibrate.posterior import refuse_without_sampler
     from calibrate.profile import profiles
     from mrjax import files
+    from mrjax.resume import kept
 
     began = time.perf_counter()
     commands.start_jax(dtype)
@@ -107,55 +112,59 @@ def cli(
         refuse_without_sampler()
     new = None if predict is None else _new(loaded, predict, like)
     folder = files.result_folder(Path(out))
-    checkpoint = folder / "search.json"
-    if checkpoint.exists() and not quiet:
-        click.echo(f"Going on with the search kept in {checkpoint}.", err=True)
     options = dict(begin_with=begin_with, starts=starts, seed=seed, robust=robust)
-    try:
-        problem, fitted = calibrated(
-            loaded, model, **options, progress=not quiet, checkpoint=checkpoint
-        )
-    except ValueError as error:
-        raise InputError(str(error)) from None
-    if not np.isfinite(fitted.jacobian).all() or not np.isfinite(fitted.values).all():
-        raise SimulationError(
-            f"the fit ended in {fitted.model_runs} model runs where nothing can be predicted; give "
-            "medians from which something can, or more --starts"
-        )
-    # Outside the compiled fit a simulation checks itself and raises where it is not to be trusted.
-    predicted = np.asarray(problem.predict(fitted.theta))
-    usable = fitted.converged
-    held = profiles(fitted) if usable else ()
-    # What goes wrong from here on is told when the fit itself is written.
-    faults, samples, further = [], None, {}
-    if posterior and usable:
-        with _told_later(faults):
-            samples = sampled(fitted, seed)
-    if leave_one_out:
-        with _told_later(faults):
-            left_out = forecast.leave_one_out(loaded, model, **options)
-            further["left_out"] = report.forecasts(left_out)
-    if new is not None and usable:
-        with _told_later(faults):
-            expected = forecast.forecast(new[0], fitted, new[1], model, seed)
-            further["new"] = report.forecasts(expected)
-    result = report.summary(problem, fitted, identify(fitted), predicted, held, samples) | further
-    result |= {
-        "experiment": loaded.name,
-        "lab_sheets": {
-            sample.name: sample.recipe.model_dump(mode="json", exclude_none=True)
-            for sample in loaded.samples
-        },
-        "model": model,
-        "begun_with": begin_with,
-        "seed": seed,
-        "dtype": dtype,
-        "versions": commands.versions(),
-        "wall_seconds": time.perf_counter() - began,
-    }
-    figures = plots.figures(problem, fitted, result, held, samples)
-    text = report.markdown(loaded.name, model, result, figures)
-    report.write(folder, text, result, figures, pdf)
+    work = dict(command="fit", experiment=loaded, model=model, **options, dtype=dtype)
+    with kept(folder, resume, quiet, **work) as checkpoint:
+        try:
+            problem, fitted = calibrated(
+                loaded, model, **options, progress=not quiet, checkpoint=checkpoint / "fit"
+            )
+        except ValueError as error:
+            raise InputError(str(error)) from None
+        if not np.isfinite(fitted.jacobian).all() or not np.isfinite(fitted.values).all():
+            raise SimulationError(
+                f"the fit ended in {fitted.model_runs} model runs where nothing can be predicted; "
+                "give medians from which something can, or more --starts"
+            )
+        # Outside the compiled fit a simulation checks itself and raises if not to be trusted.
+        predicted = np.asarray(problem.predict(fitted.theta))
+        usable = fitted.converged
+        held = profiles(fitted) if usable else ()
+        # What goes wrong from here on is told when the fit itself is written.
+        faults, samples, further = [], None, {}
+        if posterior and usable:
+            with _told_later(faults):
+                samples = sampled(fitted, seed, checkpoint=checkpoint / "posterior")
+        if leave_one_out:
+            with _told_later(faults):
+                left_out = forecast.leave_one_out(
+                    loaded, model, **options, checkpoint=checkpoint / "left-out"
+                )
+                further["left_out"] = report.forecasts(left_out)
+        if new is not None and usable:
+            with _told_later(faults):
+                expected = forecast.forecast(
+                    new[0], fitted, new[1], model, seed, checkpoint / "forecast"
+                )
+                further["new"] = report.forecasts(expected)
+        result = report.summary(problem, fitted, identify(fitted), predicted, held, samples)
+        result |= further
+        result |= {
+            "experiment": loaded.name,
+            "lab_sheets": {
+                sample.name: sample.recipe.model_dump(mode="json", exclude_none=True)
+                for sample in loaded.samples
+            },
+            "model": model,
+            "begun_with": begin_with,
+            "seed": seed,
+            "dtype": dtype,
+            "versions": commands.versions(),
+            "wall_seconds": time.perf_counter() - began,
+        }
+        figures = plots.figures(problem, fitted, result, held, samples)
+        text = report.markdown(loaded.name, model, result, figures)
+        report.write(folder, text, result, figures, pdf)
     if as_json:
         click.echo(files.as_json(result))
     elif not quiet:

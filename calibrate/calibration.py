@@ -26,7 +26,7 @@ def calibrated(
     seed: int = 0,
     robust: float | None = None,
     progress: bool = False,
-    checkpoint: Path | None = None,
+    checkpoint: str | Path | None = None,
 ) -> tuple[Problem, Fit]:
     """The fit, and the problem whose residuals it knows.
 
@@ -37,18 +37,25 @@ def calibrated(
       model: as for `Problem.prepare`.
       begin_with: a cheaper model that is fitted first, from so many starts; the other begins where
         it ends.
-      starts, robust, progress, checkpoint: as for `fit`.
+      starts, robust, progress: as for `fit`.
+      checkpoint: folder that keeps simulated beds and what the models gave, as for `fit`.
       seed: of the starts, and of suspensions that are simulated.
 
     Raises:
       InputError: a suspension that cannot be made, or a model that cannot be asked for what was
-        measured.
+        measured; or a checkpoint of another fit.
       SimulationError: the fit that was to begin with did not converge.
-      ValueError: a checkpoint of another fit.
     """
     near = None
     if begin_with is not None:
-        _, first = calibrated(experiment, begin_with, starts=starts, seed=seed, robust=robust)
+        _, first = calibrated(
+            experiment,
+            begin_with,
+            starts=starts,
+            seed=seed,
+            robust=robust,
+            checkpoint=checkpoint and Path(checkpoint) / "begin-with",
+        )
         if not first.converged:
             raise SimulationError(
                 "the cheaper model did not converge, so that there is nothing to begin with: leave "
@@ -56,8 +63,9 @@ def calibrated(
             )
         near, starts = first.theta, 1
     spent = 0
-    for _ in range(MOST_PREPARED):
-        problem = Problem.prepare(experiment, model, seed, near)
+    for number in range(MOST_PREPARED):
+        kept = checkpoint and Path(checkpoint) / f"prepared-{number}"
+        problem = Problem.prepare(experiment, model, seed, near, kept)
         found = fit(
             problem.residuals,
             problem.near,
@@ -66,12 +74,11 @@ def calibrated(
             seed=seed,
             robust=robust,
             progress=progress,
-            checkpoint=checkpoint,
+            checkpoint=kept,
         )
         spent += found.model_runs
         holds = problem.holds_at(found.theta)
         if holds:
             break
-        # A search that is resumed is that of the first.
-        near, starts, checkpoint = found.theta, 1, None
+        near, starts = found.theta, 1
     return problem, replace(found, converged=found.converged and holds, model_runs=spent)

@@ -7,7 +7,6 @@ and the last digits need the Levenberg-Marquardt finish. All but the forward mod
 a few numbers and left to numpy: one compiled program, Jacobian and residuals, serves throughout.
 """
 
-import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -23,7 +22,7 @@ from jax import Array
 from scipy.optimize import OptimizeResult, least_squares, minimize
 from tqdm import tqdm
 
-from mrjax import files
+from mrjax.checkpoint import Checkpoint, digest
 from mrjax.permissive import permissive
 
 CONVERGED_BELOW = 1e-4
@@ -113,7 +112,7 @@ def fit(
     search_steps: int = 60,
     finish_steps: int = 20,
     progress: bool = False,
-    checkpoint: Path | None = None,
+    checkpoint: str | Path | None = None,
 ) -> Fit:
     """Least squares with log-normal priors.
 
@@ -134,15 +133,16 @@ def fit(
         are to be trusted.
       finish_steps: most steps of Levenberg-Marquardt.
       progress: whether to show a bar.
-      checkpoint: a file that keeps the search; where it is there already, the search goes on from
-        it. Taken away at the end.
+      checkpoint: folder that keeps what the residuals gave. Called again with it and the same
+        arguments, on the same machine, the fit goes on, and ends with the same bits; so do
+        profiles of it. It stays until it is removed.
 
     Returns:
       a Fit; look at `converged` before using it.
 
     Raises:
-      ValueError: a start or prior that is not positive, a prior for no parameter, or a checkpoint
-        of another fit.
+      ValueError: a start or prior that is not positive, or a prior for no parameter.
+      InputError: a checkpoint of another fit.
     """
     optimizer = optax.with_extra_args_support(optimizer or optax.adam(0.3))
     names = _names(start)
@@ -157,27 +157,49 @@ def fit(
     compiled = _compiled(residuals, structure, shapes, held, robust, data is None)
     each = _starts(np.log(values), precision, starts, seed)
     with permissive():
-        each, losses, runs = _search(
-            compiled, given, each, names, optimizer, search_steps, progress, checkpoint
-        )
+        asked, keeping = compiled, lambda _, function: function
+        if checkpoint is not None:
+            work = Checkpoint.of_work(
+                Path(checkpoint),
+                start=dict(zip(names, values, strict=True)),
+                priors=priors,
+                starts=starts,
+                seed=seed,
+                robust=robust,
+                search_steps=search_steps,
+                finish_steps=finish_steps,
+                data=jax.tree.leaves(data),
+                # What no other fit has in common with this one.
+                residuals_at_the_start=compiled.linearised(each[0], given)[1],
+            )
+            keeping = partial(_remembered, work)
+            asked = _Compiled(
+                keeping("residuals", compiled.everything),
+                keeping("jacobian", compiled.linearised),
+            )
+        # By name, the data would be another call to JAX, and compiled again.
+        linear = _of_each(lambda logs: asked.linearised(logs, given), 1)
+        if starts > 1:
+            many = _of_each(lambda logs: compiled.linearised(logs, given), starts)
+            linear = keeping("jacobians", many)
+        search = linear, optimizer, search_steps, progress
+        each, losses, runs = _search(compiled, asked, given, each, *search)
         ends = []
         for logs in each:
-            end, finish_runs = _finish(compiled, given, logs, finish_steps)
+            end, finish_runs = _finish(asked, given, logs, finish_steps)
             runs += finish_runs
             ends.append(end)
         best, *others = sorted(ends, key=lambda end: end.loss)
         converged = _expects_nothing(best)
         on_a_kink = False
         if not converged and _finite(best.jacobian, best.value):
-            best, on_a_kink, more_runs = _without_slopes(compiled, given, best)
+            best, on_a_kink, more_runs = _without_slopes(asked, given, best)
             converged = on_a_kink or _expects_nothing(best)
             runs += more_runs
     loss, logs, jacobian, value = best
     with np.errstate(over="ignore"):
         fitted = np.exp(logs)
     converged = converged and bool(np.isfinite(fitted).all())
-    if checkpoint is not None:
-        checkpoint.unlink(missing_ok=True)
     count = value.shape[0] - len(held)
     # Where no prediction depends on anything, the end is no optimum of the data.
     converged = converged and bool(np.any(jacobian[:count] != 0.0))
@@ -199,7 +221,7 @@ def fit(
             if np.isfinite(other.loss) and other.loss - loss > 0.5  # by chi-squared of one
         ),
         everything=compiled.everything,
-        linearised=compiled.linearised,
+        linearised=asked.linearised,
         given=given,
     )
 
@@ -277,16 +299,25 @@ def _half_square(value: np.ndarray) -> float:
     return loss if np.isfinite(loss) else np.inf
 
 
-def _search(compiled, given, each, names, optimizer, most_steps, progress, checkpoint):
+def _remembered(work: Checkpoint, name: str, function: Callable) -> Callable:
+    """A compiled function of logarithms, and of what is given, that keeps what it gave."""
+
+    def remembered(logs: np.ndarray, *given: _Given):
+        called = f"{name}-{digest(logs)}"
+        if (kept := work.kept(called)) is not None:
+            found = tuple(kept[0].values())
+        else:
+            found = jax.tree.leaves(function(logs, *given))
+            work.keep(called, {str(place): array for place, array in enumerate(found)})
+        return found[0] if len(found) == 1 else tuple(found)
+
+    return remembered
+
+
+def _search(compiled, asked, given, each, linear, optimizer, most_steps, progress):
     """Optax over the logarithms, (S, P), until all are in a valley; they, best losses and runs."""
     state = jax.jit(jax.vmap(optimizer.init))(each)
-    losses, runs, done = [], 0, 0
-    if checkpoint is not None:
-        # What no other fit has in common with this one.
-        began = _at(compiled, given, each[0]).value
-        runs = 1
-        if checkpoint.exists():
-            each, losses, runs, done = _resumed(checkpoint, names, each, began)
+    losses, runs = [], 0
 
     def loss_of(logs: Array) -> Array:
         value = compiled.everything(logs, given)
@@ -300,12 +331,10 @@ def _search(compiled, given, each, names, optimizer, most_steps, progress, check
         return optax.apply_updates(logs, change), state
 
     update = _of_each(jax.jit(updated), len(each))
-    # By name, the data would be another call to JAX, and compiled again.
-    linear = _of_each(lambda logs: compiled.linearised(logs, given), len(each))
     found = np.zeros(len(each), bool)
     sound = each.copy()  # where something could be predicted last, or Gauss-Newton leads
-    bar = tqdm(range(done, most_steps), desc="search", disable=not progress, leave=False)
-    for step in bar:
+    bar = tqdm(range(most_steps), desc="search", disable=not progress, leave=False)
+    for _ in bar:
         jacobian, value = linear(each)
         runs += int((~found).sum())
         losses.append(min(losses[-1:] + [_half_square(one) for one in value]))
@@ -313,7 +342,7 @@ def _search(compiled, given, each, names, optimizer, most_steps, progress, check
         finite = np.array([_finite(*one) for one in zip(jacobian, value, strict=True)])
         lost = ~finite & ~found
         for row in np.flatnonzero(finite & ~found):
-            ahead = _trusted(compiled, given, each[row], jacobian[row], value[row])
+            ahead = _trusted(asked, given, each[row], jacobian[row], value[row])
             runs += 1
             found[row] = ahead is not None
             sound[row] = ahead if found[row] else each[row]
@@ -326,9 +355,6 @@ def _search(compiled, given, each, names, optimizer, most_steps, progress, check
         moved, next_state = update(each, state, value, jacobian)
         state = jax.tree.map(partial(_where, moving), next_state, state)
         each = _where(moving, moved, _where(lost, back, sound))
-        if checkpoint is not None:
-            kept = {"names": names, "logs": each, "losses": losses, "runs": runs, "step": step + 1}
-            files.write_json(checkpoint, kept | {"began": began})
     return sound, losses, runs
 
 
@@ -353,21 +379,6 @@ def _of_each(function: Callable, starts: int) -> Callable:
         return jax.tree.map(lambda leaf: np.asarray(leaf)[None], found)
 
     return of_each
-
-
-def _resumed(checkpoint: Path, names: tuple[str, ...], each: np.ndarray, began: np.ndarray):
-    try:
-        kept = json.loads(checkpoint.read_text("utf-8"))
-        logs, same = np.asarray(kept["logs"], float), np.asarray(kept["began"], float)
-        if tuple(kept["names"]) != names or logs.shape != each.shape:
-            raise ValueError
-        if not np.allclose(same, began, rtol=1e-3, equal_nan=True):
-            raise ValueError
-        return logs, list(kept["losses"]), int(kept["runs"]), int(kept["step"])
-    except (ValueError, KeyError, TypeError):
-        raise ValueError(
-            f"{checkpoint}: is of another fit; take it away, or give another folder"
-        ) from None
 
 
 class _End(NamedTuple):

@@ -7,6 +7,7 @@ depends on it as open.
 
 from collections import OrderedDict
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -50,6 +51,7 @@ def forecast(
     sample: Sample,
     model: str | ForwardModelMaker,
     seed: int = 0,
+    checkpoint: str | Path | None = None,
 ) -> list[Forecast]:
     """What a fit expects of the measurements of a sample, one of the experiment or another.
 
@@ -60,12 +62,14 @@ def forecast(
       sample: its measurements say what to predict.
       model: as for `Problem.prepare`.
       seed: of a suspension that is simulated.
+      checkpoint: folder that keeps a bed as it is simulated, as for `mrjax.settle`.
     """
     logs, spread, open_ends = _belief(experiment, found)
     names = list(experiment.start)
     start = OrderedDict(zip(names, np.exp(logs), strict=True))
     near = experiment.suspension_of(sample, start)
-    predict = forward_model(model)(sample, near, seed, experiment.varied(sample))
+    kept = checkpoint and Path(checkpoint)
+    predict = forward_model(model)(sample, near, seed, experiment.varied(sample), kept)
 
     def predicted(logs):
         theta = OrderedDict(zip(names, jnp.exp(logs), strict=True))
@@ -87,7 +91,11 @@ def forecast(
 
 
 def leave_one_out(
-    experiment: Experiment, model: str | ForwardModelMaker, seed: int = 0, **options
+    experiment: Experiment,
+    model: str | ForwardModelMaker,
+    seed: int = 0,
+    checkpoint: str | Path | None = None,
+    **options,
 ) -> list[Forecast]:
     """Every sample, predicted from a fit to all others.
 
@@ -95,6 +103,7 @@ def leave_one_out(
       experiment: of two samples at least.
       model: as for `Problem.prepare`.
       seed: of suspensions that are simulated, and of further starts.
+      checkpoint: folder that keeps what each fit has done, as for `calibrated`.
       options: of `calibrated`.
 
     Raises:
@@ -103,15 +112,16 @@ def leave_one_out(
     """
     refuse_leaving_out(experiment)
     found = []
-    for sample in experiment.samples:
+    for number, sample in enumerate(experiment.samples):
         rest = without(experiment, sample.name)
-        _, fitted = calibrated(rest, model, seed=seed, **options)
+        kept = checkpoint and Path(checkpoint) / f"without-{number}"
+        _, fitted = calibrated(rest, model, seed=seed, checkpoint=kept, **options)
         if not fitted.converged:
             raise SimulationError(
                 f"the fit without sample {sample.name} did not converge in {fitted.model_runs} "
                 "model runs: nothing is predicted from it; give narrower priors"
             )
-        found += forecast(experiment, fitted, sample, model, seed)
+        found += forecast(experiment, fitted, sample, model, seed, kept and kept / "forecast")
     return found
 
 

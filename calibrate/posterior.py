@@ -6,6 +6,7 @@ is a long ridge: the mass matrix is dense, and begins as the curvature at the op
 
 import importlib.util
 from dataclasses import dataclass
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -15,6 +16,7 @@ from jax import Array
 from calibrate.fit import Fit
 from calibrate.identify import identify, information
 from mrjax import InputError
+from mrjax.checkpoint import Checkpoint
 from mrjax.permissive import permissive
 
 CHAINS, WARM_UP, SAMPLES = 4, 300, 500
@@ -46,19 +48,34 @@ class Posterior:
         )
 
 
-def posterior(fit: Fit, seed: int = 0, samples: int = SAMPLES) -> Posterior:
+def posterior(
+    fit: Fit, seed: int = 0, samples: int = SAMPLES, checkpoint: str | Path | None = None
+) -> Posterior:
     """Samples the posterior of a fit.
 
     Args:
       fit: converged.
       seed: of the chains.
       samples: of each of the four chains.
+      checkpoint: folder that keeps the samples when they are drawn, all at once.
 
     Raises:
-      InputError: blackjax is not installed, or the posterior has no end.
+      InputError: blackjax is not installed, the posterior has no end, or a checkpoint of another.
     """
     refuse_without_sampler()
     _refuse_without_end(fit)
+    work = None
+    if checkpoint is not None:
+        work = Checkpoint.of_work(
+            Path(checkpoint),
+            names=fit.names,
+            values=fit.values,
+            seed=seed,
+            samples=samples,
+            information=information(fit),
+        )
+        if (kept := work.kept("samples")) is not None:
+            return _of_arrays(fit, kept[0])
     import blackjax
 
     whitened, best = _whitening(fit)
@@ -88,12 +105,25 @@ def posterior(fit: Fit, seed: int = 0, samples: int = SAMPLES) -> Posterior:
         logs = best + drawn @ whitened.T
         r_hat = blackjax.diagnostics.potential_scale_reduction(logs)
         effective = blackjax.diagnostics.effective_sample_size(logs)
+    arrays = {
+        "samples": np.exp(np.asarray(logs)).reshape(-1, best.size),
+        "r_hat": np.asarray(r_hat),
+        "effective": np.asarray(effective),
+        "divergences": np.asarray(divergent.sum()),
+    }
+    if work is not None:
+        work.keep("samples", arrays)
+    return _of_arrays(fit, arrays)
+
+
+def _of_arrays(fit: Fit, arrays: dict[str, np.ndarray]) -> Posterior:
+    """A posterior from its arrays."""
     return Posterior(
         fit.names,
-        np.exp(np.asarray(logs)).reshape(-1, best.size),
-        np.asarray(r_hat),
-        np.asarray(effective),
-        int(divergent.sum()),
+        arrays["samples"],
+        arrays["r_hat"],
+        arrays["effective"],
+        int(arrays["divergences"]),
     )
 
 

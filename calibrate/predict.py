@@ -1,12 +1,13 @@
 """Forward models: from a suspension to what was measured on it.
 
-Each takes a sample, the suspension near which it will be asked, a seed, and the names of what will
-vary; it gives a function of a `Suspension` to predictions in SI units. What does not depend on what
-varies is done once.
+Each takes a sample, the suspension near which it will be asked, a seed, the names of what will
+vary, and a folder that keeps a bed as it is simulated; it gives a function of a `Suspension` to
+predictions in SI units. What does not depend on what varies is done once.
 """
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -52,11 +53,15 @@ TIME_SCALES = ("f_w", "f_s", "f_v", "viscosity", "gravity", "particle_density", 
 
 Prediction = dict[str, Array]
 ForwardModel = Callable[[Suspension], Prediction]
-ForwardModelMaker = Callable[[Sample, Suspension, int, tuple[str, ...]], ForwardModel]
+ForwardModelMaker = Callable[[Sample, Suspension, int, tuple[str, ...], Path | None], ForwardModel]
 
 
 def closed_form(
-    sample: Sample, near: Suspension, seed: int = 0, varied: tuple[str, ...] = ()
+    sample: Sample,
+    near: Suspension,
+    seed: int = 0,
+    varied: tuple[str, ...] = (),
+    checkpoint: Path | None = None,
 ) -> ForwardModel:
     """Eq. 27 for the velocity, and the two asymptotes of Fig. 4 for the curve.
 
@@ -66,7 +71,7 @@ def closed_form(
     Raises:
       InputError: a bed is asked for, and its volume fraction is not known.
     """
-    bed = _bed(sample, near, seed, varied)
+    bed = _bed(sample, near, seed, varied, checkpoint)
     times = jnp.asarray(sample.times, float)
 
     def predict(suspension: Suspension) -> Prediction:
@@ -83,6 +88,7 @@ def column(
     near: Suspension,
     seed: int = 0,
     varied: tuple[str, ...] = (),
+    checkpoint: Path | None = None,
     *,
     cells: int = CELLS,
 ) -> ForwardModel:
@@ -93,7 +99,7 @@ def column(
     Raises:
       InputError: the volume fraction of the bed is not known, or particles are of several sizes.
     """
-    bed = _bed(sample, near, seed, varied)
+    bed = _bed(sample, near, seed, varied, checkpoint)
     steps = None
     if sample.times:
         if jnp.ndim(mrjax.terminal_velocity(near.parameters)):
@@ -118,7 +124,11 @@ def column(
 
 
 def particles(
-    sample: Sample, near: Suspension, seed: int = 0, varied: tuple[str, ...] = ()
+    sample: Sample,
+    near: Suspension,
+    seed: int = 0,
+    varied: tuple[str, ...] = (),
+    checkpoint: Path | None = None,
 ) -> ForwardModel:
     """What a simulation of all particles of the recipe's box shows.
 
@@ -149,7 +159,7 @@ def particles(
     simulated = _needs_a_bed(sample) and near.bed_fraction is None
     if simulated:
         _refuse_other_paths(sample, varied)
-        whole = _to_rest(recipe, near, state)
+        whole = _to_rest(recipe, near, state, checkpoint)
         ratios = observe.sedimentation_ratio(whole)
 
     def predict(suspension: Suspension) -> Prediction:
@@ -258,14 +268,20 @@ def _final_ratio(suspension: Suspension, bed: float | None) -> Array:
     return jnp.nan if fraction is None else suspension.volume_fraction / fraction
 
 
-def _bed(sample: Sample, near: Suspension, seed: int, varied: tuple[str, ...]) -> float | None:
+def _bed(
+    sample: Sample,
+    near: Suspension,
+    seed: int,
+    varied: tuple[str, ...],
+    checkpoint: Path | None,
+) -> float | None:
     """The volume fraction of the bed where a simulation gives it, once; else None."""
     if not _needs_a_bed(sample):
         return None
     if sample.bed_fraction == "particles":
         _refuse_other_paths(sample, varied)
         # Of a uniform bed; the top of a box of few particles is that of one of them.
-        settled = _to_rest(sample.recipe, near, mrjax.disperse(sample.recipe, seed))
+        settled = _to_rest(sample.recipe, near, mrjax.disperse(sample.recipe, seed), checkpoint)
         ratio = observe.sedimentation_ratio(settled, "twice-centre-of-mass")
         return float(near.volume_fraction / ratio[-1])
     if near.bed_fraction is None:
@@ -281,9 +297,11 @@ def _bed(sample: Sample, near: Suspension, seed: int, varied: tuple[str, ...]) -
     return None
 
 
-def _to_rest(recipe: mrjax.Recipe, near: Suspension, state: mrjax.State) -> mrjax.Run:
+def _to_rest(
+    recipe: mrjax.Recipe, near: Suspension, state: mrjax.State, checkpoint: Path | None
+) -> mrjax.Run:
     soft = mrjax.softened(near.parameters, recipe.box, recipe.particle_count, OVERLAP)
-    return mrjax.settle(state, soft, recipe.box, hindrance=near.hindrance)
+    return mrjax.settle(state, soft, recipe.box, hindrance=near.hindrance, checkpoint=checkpoint)
 
 
 def _refuse_other_paths(sample: Sample, varied: tuple[str, ...]) -> None:

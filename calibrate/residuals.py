@@ -3,6 +3,7 @@
 from collections import OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
@@ -42,6 +43,7 @@ class Problem:
         model: str | ForwardModelMaker,
         seed: int = 0,
         near: Mapping[str, float] | None = None,
+        checkpoint: str | Path | None = None,
     ) -> "Problem":
         """Does what does not depend on the parameters.
 
@@ -51,6 +53,7 @@ class Problem:
             `partial(predict.column, cells=100)`.
           seed: of the random starts of particles.
           near: values, by variable, near which it will be asked; left out, the medians.
+          checkpoint: folder that keeps beds as they are simulated, as for `mrjax.settle`.
 
         Raises:
           InputError: no such model, or a suspension that cannot be made.
@@ -61,9 +64,13 @@ class Problem:
             experiment,
             tuple(
                 make(
-                    sample, experiment.suspension_of(sample, near), seed, experiment.varied(sample)
+                    sample,
+                    experiment.suspension_of(sample, near),
+                    seed,
+                    experiment.varied(sample),
+                    checkpoint and Path(checkpoint) / f"bed-{number}",
                 )
-                for sample in experiment.samples
+                for number, sample in enumerate(experiment.samples)
             ),
             near,
             make is closed_form,

@@ -32,8 +32,11 @@ from .sedimentation import standard_error as standard_error
 from .settle import settle as settle
 from .simulate import simulate as simulate
 from .soften import softened as softened
+from .stages import follow as follow
 from .state import State as State
 from .state import place as place
+from .state_file import load_state as load_state
+from .state_file import save_state as save_state
 from .theory import terminal_velocity as terminal_velocity
 from .timestep import time_step as time_step
 from .trajectory import Trajectory as Trajectory

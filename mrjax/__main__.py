@@ -1,6 +1,7 @@
 """`mrjax`: simulates a recipe, recomputes the paper."""
 
 import time
+from contextlib import nullcontext
 from importlib import resources
 from pathlib import Path
 
@@ -28,11 +29,14 @@ def cli() -> None:
 
     From dispersed to rest: the whole sedimentation curve at the recipe's viscosity, with contacts
     softened to a greatest overlap (--overlap). With --duration, that long and with the real
-    moduli. Writes summary.json, curve.csv, run.npz (`mrjax.load_run`) and figures.
+    moduli. Writes summary.json, curve.csv, run.npz (`mrjax.load_run`) and figures; until then, what
+    --resume goes on from in DIR/checkpoint. A run that fails leaves its last good state,
+    last_good_state.npz.
 
     \b
     Examples:
       mrjax simulate case2 --out results
+      mrjax simulate case2 --out results --resume         # if that was stopped
       mrjax simulate mine.toml --ensemble 8 --overlap 0.02
       mrjax simulate mine.toml --duration 1e-6 --frames 200 --seed 3
       mrjax simulate case2 --trajectory gsd --animate gif --pdf
@@ -85,6 +89,7 @@ def cli() -> None:
 )
 @commands.pdf_option
 @commands.distributed_option
+@commands.resume_option
 @commands.seed_option
 @commands.dtype_option
 @commands.quiet_option
@@ -101,6 +106,7 @@ def simulate(
     animate: tuple[str, ...],
     pdf: bool,
     distributed: tuple[str | None, int | None, int | None] | None,
+    resume: bool,
     seed: int,
     dtype: str,
     quiet: bool,
@@ -111,12 +117,15 @@ def simulate(
 
     import mrjax
     from mrjax import checks, figures, files, processes, timestep, validity
+    from mrjax.resume import kept
 
     began = time.perf_counter()
     commands.start_jax(dtype)
     if distributed is not None:
         if duration is not None:
             raise click.UsageError("--distributed divides an --ensemble: leave out --duration")
+        if resume:
+            raise click.UsageError("--resume is of a single process: leave out --distributed")
         processes.join(*distributed)
     sheet = processes.by_first(lambda: mrjax.Recipe.load(recipe))
     for name, value in (("--duration", duration), ("--time-step", time_step)):
@@ -136,88 +145,97 @@ def simulate(
             f"velocity: give --duration {STEADY_AFTER * relaxation:.2g} or more"
         )
     recorded = bool(trajectory or animate)
-    start = mrjax.disperse(sheet, seed)
-    rise = mrjax.simulate(
-        start,
-        parameters,
-        sheet.box,
-        duration=RELAXATIONS * relaxation if duration is None else duration,
-        frames=frames,
-        time_step=time_step if duration is not None else None,
-        hindrance=sheet.hindrance,
-        trajectory=recorded and duration is not None,
+    work = dict(
+        command="simulate", recipe=sheet, duration=duration, time_step=time_step, frames=frames
     )
-    velocity = float(mrjax.settling_velocity(rise))
-    numbers = validity.numbers(parameters, velocity)
-    warnings = validity.warnings(numbers)
-    made_by = commands.made_by(sheet, seed, dtype)
-    summary = {
-        "recipe": sheet.name,
-        "settling_velocity_mm_per_day": mrjax.MM_PER_DAY * velocity,
-        "closed_form_mm_per_day": mrjax.MM_PER_DAY * mrjax.terminal_velocity(parameters).mean(),
-        **{f"{one.name.lower()}_number": one.value for one in numbers},
-        "particles": rise.state.particles,
-        "volume_fraction": sheet.volume_fraction,
-        "coated_volume_fraction": sheet.coated_volume_fraction,
-        "f_w": sheet.f_w,
-        "f_w_is_local": sheet.drag.local,
-        "f_s": sheet.f_s,
-        "f_v": sheet.drag.f_v,
-        "f_r": sheet.radius_factor,
-    }
-    if duration is None:
-        whole = mrjax.sedimentation(
-            sheet,
-            range(seed, seed + ensemble),
-            overlap=overlap,
+    work |= dict(overlap=overlap, ensemble=ensemble, seed=seed, dtype=dtype, trajectory=recorded)
+    # Processes keep nothing: each would have to be stopped at the same part.
+    keeping = nullcontext() if distributed else kept(folder, resume, quiet, **work)
+    with keeping as checkpoint:
+        start = mrjax.disperse(sheet, seed)
+        rise = mrjax.follow(
+            start,
+            parameters,
+            sheet.box,
+            duration=RELAXATIONS * relaxation if duration is None else duration,
             frames=frames,
-            time_step=time_step,
-            progress=not quiet and processes.is_first(),
-            trajectory=recorded,
+            time_step=time_step if duration is not None else None,
+            hindrance=sheet.hindrance,
+            trajectory=recorded and duration is not None,
+            checkpoint=checkpoint and checkpoint / "rise",
         )
-        if not processes.is_first():
-            return
-        run, columns = whole.run, _curve(whole)
-        runs = [jax.tree.map(lambda leaf, row=row: leaf[row], run) for row in range(ensemble)]
-        made_by["overlap_radii"] = overlap
-        summary |= _at_rest(whole)
-        drawn = {
-            "settling": figures.sedimentation(whole),
-            "concentration": figures.concentration(runs[0]),
-            "particles": figures.particles(
-                {"dispersed": start.position, "at rest": runs[0].state.position},
-                runs[0].radius,
-                sheet.box,
-            ),
+        velocity = float(mrjax.settling_velocity(rise))
+        numbers = validity.numbers(parameters, velocity)
+        warnings = validity.warnings(numbers)
+        made_by = commands.made_by(sheet, seed, dtype)
+        summary = {
+            "recipe": sheet.name,
+            "settling_velocity_mm_per_day": mrjax.MM_PER_DAY * velocity,
+            "closed_form_mm_per_day": mrjax.MM_PER_DAY * mrjax.terminal_velocity(parameters).mean(),
+            **{f"{one.name.lower()}_number": one.value for one in numbers},
+            "particles": rise.state.particles,
+            "volume_fraction": sheet.volume_fraction,
+            "coated_volume_fraction": sheet.coated_volume_fraction,
+            "f_w": sheet.f_w,
+            "f_w_is_local": sheet.drag.local,
+            "f_s": sheet.f_s,
+            "f_v": sheet.drag.f_v,
+            "f_r": sheet.radius_factor,
         }
-    else:
-        run, columns, runs = rise, _columns(rise), [rise]
-        drawn = {"settling": figures.settling(rise, parameters)}
-    summary |= {
-        "duration_s": float(run.times.max()),
-        "time_step_s": run.time_step,
-        "steps": run.steps,
-        "deepest_overlap_radii": run.deepest_overlap.max(),
-        "deepest_overlap_coatings": run.coating_overlap.max(),
-        "notes": notes,
-        "warnings": warnings,
-        "steady": duration is None or duration >= STEADY_AFTER * relaxation,
-        **made_by,
-        "wall_seconds": time.perf_counter() - began,
-    }
-    files.write_json(folder / "summary.json", summary)
-    files.write_csv(folder / "curve.csv", columns)
-    mrjax.save_run(folder / "run.npz", runs[0] if ensemble == 1 else run, made_by)
-    for name, figure in drawn.items():
-        files.write_figure(folder, name, figure, made_by, pdf)
-    for number, one in enumerate(runs if recorded else []):
-        of_seed = "" if ensemble == 1 else f"-seed-{seed + number}"
-        if "gsd" in trajectory:
-            mrjax.write_gsd(folder / f"trajectory{of_seed}.gsd", one, made_by)
-        if "vtk" in trajectory:
-            mrjax.write_vtk(folder / f"trajectory{of_seed}.pvd", one)
-        for ending in animate:
-            figures.save_animation(folder / f"settling{of_seed}.{ending}", one)
+        if duration is None:
+            whole = mrjax.sedimentation(
+                sheet,
+                range(seed, seed + ensemble),
+                overlap=overlap,
+                frames=frames,
+                time_step=time_step,
+                progress=not quiet and processes.is_first(),
+                trajectory=recorded,
+                checkpoint=checkpoint and checkpoint / "rest",
+            )
+            if not processes.is_first():
+                return
+            run, columns = whole.run, _curve(whole)
+            runs = [jax.tree.map(lambda leaf, row=row: leaf[row], run) for row in range(ensemble)]
+            made_by["overlap_radii"] = overlap
+            summary |= _at_rest(whole)
+            drawn = {
+                "settling": figures.sedimentation(whole),
+                "concentration": figures.concentration(runs[0]),
+                "particles": figures.particles(
+                    {"dispersed": start.position, "at rest": runs[0].state.position},
+                    runs[0].radius,
+                    sheet.box,
+                ),
+            }
+        else:
+            run, columns, runs = rise, _columns(rise), [rise]
+            drawn = {"settling": figures.settling(rise, parameters)}
+        summary |= {
+            "duration_s": float(run.times.max()),
+            "time_step_s": run.time_step,
+            "steps": run.steps,
+            "deepest_overlap_radii": run.deepest_overlap.max(),
+            "deepest_overlap_coatings": run.coating_overlap.max(),
+            "notes": notes,
+            "warnings": warnings,
+            "steady": duration is None or duration >= STEADY_AFTER * relaxation,
+            **made_by,
+            "wall_seconds": time.perf_counter() - began,
+        }
+        files.write_json(folder / "summary.json", summary)
+        files.write_csv(folder / "curve.csv", columns)
+        mrjax.save_run(folder / "run.npz", runs[0] if ensemble == 1 else run, made_by)
+        for name, figure in drawn.items():
+            files.write_figure(folder, name, figure, made_by, pdf)
+        for number, one in enumerate(runs if recorded else []):
+            of_seed = "" if ensemble == 1 else f"-seed-{seed + number}"
+            if "gsd" in trajectory:
+                mrjax.write_gsd(folder / f"trajectory{of_seed}.gsd", one, made_by)
+            if "vtk" in trajectory:
+                mrjax.write_vtk(folder / f"trajectory{of_seed}.pvd", one)
+            for ending in animate:
+                figures.save_animation(folder / f"settling{of_seed}.{ending}", one)
     for warning in warnings:
         click.echo(f"mrjax: warning: {warning}", err=True)
     if as_json:
@@ -369,7 +387,8 @@ def check(recipe: str, quiet: bool, as_json: bool) -> None:
 
     Writes reproduce.json and reproduce.md: the printed and computed numbers of Table 2 and the
     text side by side, each reproduced, corrected or not reproducible, and why; and the paper's
-    figures 2 and 4 to 8 from these results. Takes a few minutes.
+    figures 2 and 4 to 8 from these results. Takes a few minutes; with --resume less, where it was
+    stopped.
 
     \b
     Example:
@@ -385,17 +404,26 @@ def check(recipe: str, quiet: bool, as_json: bool) -> None:
     help="Random starts for each final ratio, with seeds from --seed on.",
 )
 @commands.pdf_option
+@commands.resume_option
 @commands.seed_option
 @commands.dtype_option
 @commands.quiet_option
 @commands.json_option
 def reproduce(
-    out: str, ensemble: int, pdf: bool, seed: int, dtype: str, quiet: bool, as_json: bool
+    out: str,
+    ensemble: int,
+    pdf: bool,
+    resume: bool,
+    seed: int,
+    dtype: str,
+    quiet: bool,
+    as_json: bool,
 ) -> None:
     """Runs the paper's three cases and writes the comparison."""
     import mrjax
     from mrjax import files, paper_figures
     from mrjax import reproduce as paper
+    from mrjax.resume import kept
 
     def report(text: str) -> None:
         if not quiet:
@@ -403,37 +431,41 @@ def reproduce(
 
     commands.start_jax(dtype)
     folder = files.result_folder(Path(out))
-    runs = paper.simulated(seed, ensemble, report)
-    report("settling case2 at its viscosity")
-    settled = mrjax.sedimentation(mrjax.Recipe.load("case2"), seed)
-    found = paper.rows(runs)
-    table = files.markdown_table(
-        ["case", "quantity", "printed", "computed", "unit", "status", "reason"],
-        (
-            [
-                one.case,
-                one.quantity,
-                f"{one.printed:g}",
-                "" if one.computed is None else f"{one.computed:.6g}",
-                one.unit,
-                one.status,
-                one.reason,
-            ]
-            for one in found
-        ),
-    )
-    figures = paper_figures.of_paper(found, runs, settled)
-    made_by = {"seed": seed, "dtype": dtype, "versions": commands.versions()}
-    for one in figures:
-        files.write_figure(folder, one.name, one.figure, made_by, pdf)
-    shown = "\n".join(
-        f"![Fig. {one.number}]({one.name}.png)\n\nFig. {one.number}. {one.caption}\n"
-        for one in figures
-    )
-    files.write_json(folder / "reproduce.json", paper.as_tables(found))
-    files.write_text(
-        folder / "reproduce.md", f"# Son (2018), recomputed\n\n{table}\n## Figures\n\n{shown}"
-    )
+    work = dict(command="reproduce", ensemble=ensemble, seed=seed, dtype=dtype)
+    with kept(folder, resume, quiet, **work) as checkpoint:
+        runs = paper.simulated(seed, ensemble, report, checkpoint)
+        report("settling case2 at its viscosity")
+        settled = mrjax.sedimentation(
+            mrjax.Recipe.load("case2"), seed, checkpoint=checkpoint / "settled"
+        )
+        found = paper.rows(runs)
+        table = files.markdown_table(
+            ["case", "quantity", "printed", "computed", "unit", "status", "reason"],
+            (
+                [
+                    one.case,
+                    one.quantity,
+                    f"{one.printed:g}",
+                    "" if one.computed is None else f"{one.computed:.6g}",
+                    one.unit,
+                    one.status,
+                    one.reason,
+                ]
+                for one in found
+            ),
+        )
+        figures = paper_figures.of_paper(found, runs, settled)
+        made_by = {"seed": seed, "dtype": dtype, "versions": commands.versions()}
+        for one in figures:
+            files.write_figure(folder, one.name, one.figure, made_by, pdf)
+        shown = "\n".join(
+            f"![Fig. {one.number}]({one.name}.png)\n\nFig. {one.number}. {one.caption}\n"
+            for one in figures
+        )
+        files.write_json(folder / "reproduce.json", paper.as_tables(found))
+        files.write_text(
+            folder / "reproduce.md", f"# Son (2018), recomputed\n\n{table}\n## Figures\n\n{shown}"
+        )
     if as_json:
         click.echo(files.as_json(paper.as_tables(found)))
     elif not quiet:

@@ -27,7 +27,7 @@ def keep() -> None:
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     if jax.config.jax_compilation_cache_dir:
         return
-    folder = platformdirs.user_cache_path("mrjax", appauthor=False) / _machine()
+    folder = platformdirs.user_cache_path("mrjax", appauthor=False) / machine()
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
@@ -41,7 +41,7 @@ def keep() -> None:
     jax.config.update("jax_compilation_cache_max_size", MOST_BYTES)
 
 
-def _machine() -> str:
+def machine() -> str:
     """A name for what compiled programs hang on: another processor may crash on them."""
     features = np.show_config(mode="dicts")["SIMD Extensions"]
     digest = hashlib.sha256(repr(features).encode()).hexdigest()[:12]

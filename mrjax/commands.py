@@ -84,6 +84,13 @@ json_option = click.option(
     help="The result as JSON on standard output, and nothing else there.",
 )
 
+resume_option = click.option(
+    "--resume",
+    is_flag=True,
+    help="Goes on where a run with the same --out and options was stopped, and ends with the same "
+    "bits. Where nothing was kept yet, begins.",
+)
+
 distributed_option = click.option(
     "--distributed",
     callback=lambda _context, _option, text: _processes(text),
@@ -159,8 +166,10 @@ def run(command: click.Command, name: str) -> None:
     except (InputError, SimulationError, click.ClickException) as error:
         text = error.format_message() if isinstance(error, click.ClickException) else str(error)
         status = UNTRUSTED if isinstance(error, SimulationError) else WRONG_INPUT
-    except (KeyboardInterrupt, click.Abort):
-        click.echo(f"\n{name}: interrupted; no results were written", err=True)
+    except (KeyboardInterrupt, click.Abort) as stop:
+        # What click makes an Abort of says, where it was kept, how to go on.
+        advice = "".join(f"; {text}" for text in getattr(stop.__cause__, "args", ()))
+        click.echo(f"\n{name}: interrupted; no results were written{advice}", err=True)
         sys.stdout.flush()
         sys.stderr.flush()
         # After an interrupted compilation jaxlib 0.10.1 crashes while the interpreter shuts down.

@@ -5,6 +5,7 @@ efficiency". Neither friction, restitution nor stiffness of that run is printed.
 """
 
 from collections.abc import Iterable
+from pathlib import Path
 
 import mrjax
 from mrjax.box import Box
@@ -32,6 +33,7 @@ def dropped(
     seeds: Iterable[int],
     friction: float = INFERRED_FRICTION,
     periodic: bool = False,
+    checkpoint: Path | None = None,
 ) -> Run:
     """Lets the recipe's particles fall in a vacuum until their bed rests.
 
@@ -40,6 +42,7 @@ def dropped(
       seeds: of the M random starts, one run for each.
       friction: Coulomb's coefficient between particles and on the walls.
       periodic: whether the sides of the box are periodic images in place of walls.
+      checkpoint: folder that keeps the runs as they go, as for `mrjax.settle`.
 
     Returns:
       All runs, each of the arrays with a leading axis (M, ...).
@@ -64,4 +67,5 @@ def dropped(
         time_step=TIME_STEP,
         rest=REST if friction > 0.0 else REST_WITHOUT_FRICTION,
         longest=LONGEST,
+        checkpoint=checkpoint,
     )

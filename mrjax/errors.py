@@ -1,5 +1,10 @@
 """The two ways mrjax says no: the input is wrong, or the result cannot be trusted."""
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from mrjax.state import State
+
 LONGEST = 60
 """Characters of a value that a message shows."""
 
@@ -10,6 +15,13 @@ class InputError(ValueError):
 
 class SimulationError(RuntimeError):
     """A run ended with a result that must not be used; the message says why and what to change."""
+
+    state: "State | None" = None
+    """The last good state, from which a run can go on with the remedy, where one is known."""
+    time: float | None = None
+    """Of that state, s from the start of the run."""
+    faults: int = 0
+    """The sum of the `Fault`s of that run."""
 
 
 def shown(value: object) -> str:

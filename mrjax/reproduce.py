@@ -7,6 +7,7 @@ that were dropped, as the paper's were.
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from decimal import Decimal
+from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
@@ -107,7 +108,10 @@ def row(
 
 
 def simulated(
-    seed: int = 0, starts: int = 3, report: Callable[[str], None] = lambda text: None
+    seed: int = 0,
+    starts: int = 3,
+    report: Callable[[str], None] = lambda text: None,
+    checkpoint: Path | None = None,
 ) -> Simulated:
     """Runs what the paper ran.
 
@@ -115,6 +119,7 @@ def simulated(
       seed: of the random suspensions; the first of those that are dropped.
       starts: M, how many suspensions of each kind are dropped.
       report: called with a line before each part.
+      checkpoint: folder that keeps the beds as they go, as for `mrjax.settle`.
     """
     recipes = {case: Recipe.load(case) for case in CASES}
     velocities = {}
@@ -130,7 +135,8 @@ def simulated(
     beds = {}
     for case in ("case1", "case3"):
         report(f"dropping {starts} suspension{'s' * (starts > 1)} of {case}")
-        beds[case] = dropped(recipes[case], range(seed, seed + starts))
+        kept = checkpoint and checkpoint / case
+        beds[case] = dropped(recipes[case], range(seed, seed + starts), checkpoint=kept)
     beds["case2"] = beds["case1"]
     dispersed = {case: mrjax.disperse(recipe, seed) for case, recipe in recipes.items()}
     return Simulated(velocities, beds, dispersed)

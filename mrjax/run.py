@@ -39,13 +39,19 @@ REMEDIES = {
     "time_step",
     Fault.TOO_DEEP: "two surfaces overlap by more than a quarter of a radius, where the contact "
     "law does not hold: give a smaller time_step, a stiffer material, or a start without overlap",
-    Fault.ESCAPED: "a particle went through a wall: give a smaller time_step",
+    Fault.ESCAPED: "a particle went through a wall, faster than its contact could turn it: give a "
+    "smaller time_step",
     Fault.THROUGH_COATING: "two surfaces overlap by more than the thickness of the coating, where "
     "its modulus does not describe the contact: give a thicker or stiffer coating, or the "
     "modulus of the core",
     Fault.NOT_FINITE: "a position or velocity is not finite: check the parameters for zero or "
     "negative values, or give a smaller time_step",
 }
+
+
+def reasons(faults: Fault) -> str:
+    """Why a run with these faults is not to be trusted, and what to change."""
+    return "; and ".join(remedy for fault, remedy in REMEDIES.items() if fault in faults)
 
 
 @jax.tree_util.register_dataclass
@@ -104,5 +110,4 @@ class Run:
         if found is None or not found.any():
             return
         faults = Fault(int(found.flat[found.argmax()]))
-        reasons = "; and ".join(remedy for fault, remedy in REMEDIES.items() if fault in faults)
-        raise SimulationError(f"{reasons} ({self.steps} steps of {self.time_step:.3g} s)")
+        raise SimulationError(f"{reasons(faults)} ({self.steps} steps of {self.time_step:.3g} s)")

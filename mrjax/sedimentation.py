@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -48,6 +49,7 @@ def sedimentation(
     dtype: DTypeLike = float,
     progress: bool = False,
     trajectory: bool = False,
+    checkpoint: str | Path | None = None,
 ) -> Sedimentation:
     """Disperses a recipe and lets it settle to rest at its own viscosity.
 
@@ -64,9 +66,10 @@ def sedimentation(
       dtype: of the runs; `float` is JAX's default.
       progress: whether to show progress bars, on standard error.
       trajectory: whether to record all positions, velocities and spins (`Run.trajectory`).
+      checkpoint: folder that keeps the runs as they go, as for `settle`.
 
     Raises:
-      InputError: an argument that cannot be used.
+      InputError: an argument that cannot be used, or a checkpoint of other runs.
       SimulationError: a bed that does not come to rest, or a run not to be trusted.
     """
     seeds = (seeds,) if isinstance(seeds, int) else tuple(seeds)
@@ -86,6 +89,7 @@ def sedimentation(
         hindrance=recipe.hindrance,
         progress=progress,
         trajectory=trajectory,
+        checkpoint=checkpoint,
     )
     factor = np.ravel(parameters.elastic_modulus / stiff.elastic_modulus)[0]
     return Sedimentation(run, parameters, float(factor), seeds)

@@ -1,9 +1,12 @@
 """The whole sedimentation curve: a run, or an ensemble of runs, until the bed rests."""
 
+import itertools
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
+from threading import Event
 
 import jax
 import jax.numpy as jnp
@@ -11,16 +14,17 @@ import numpy as np
 from jax import Array
 from tqdm import tqdm
 
-from mrjax import checks, expected, history, particle, processes
+from mrjax import checks, expected, history, particle, processes, state_file
 from mrjax.box import Box
+from mrjax.checkpoint import Checkpoint
 from mrjax.concrete import known
 from mrjax.errors import InputError, SimulationError
 from mrjax.hindrance import Hindrance
 from mrjax.parameters import Parameters
 from mrjax.run import Fault, Run
-from mrjax.simulate import Setup, attempt, prepared
+from mrjax.simulate import Setup, prepared
+from mrjax.stages import ALONG, Kept, joined, stages
 from mrjax.state import State
-from mrjax.trajectory import Trajectory
 
 FRAMES_AT_ONCE = 10
 FRAMES_AT_REST = 3
@@ -28,8 +32,6 @@ PATIENCE = 20.0
 """Times the expected duration after which a bed is given up."""
 SHORTER = 0.7
 """Factor on a step that turned out too long."""
-ALONG = ("heights", "mean_velocity", "mean_speed", "trajectory")
-"""What a run has one of for every frame, beside the times."""
 
 
 def settle(
@@ -46,6 +48,7 @@ def settle(
     hindrance: Hindrance | None = None,
     progress: bool = False,
     trajectory: bool = False,
+    checkpoint: str | Path | None = None,
 ) -> Run:
     """Follows a suspension until its bed rests.
 
@@ -67,13 +70,17 @@ def settle(
       skin, rebuild_every, hindrance: as for `simulate`.
       progress: whether to show a progress bar, on standard error.
       trajectory: whether to record all positions, velocities and spins (`Run.trajectory`).
+      checkpoint: folder that keeps every ten frames. Called again with it and the same arguments,
+        on the same machine, the runs go on, and end with the same bits. It stays until it is
+        removed.
 
     Returns:
       The run, its observables with a leading axis for several states.
 
     Raises:
-      InputError: an argument that cannot be used.
-      SimulationError: the bed did not come to rest, or the run is not to be trusted.
+      InputError: an argument that cannot be used, or a checkpoint of other runs.
+      SimulationError: the bed did not come to rest, or the run is not to be trusted; the error
+        carries the last good state.
     """
     rest = checks.positive(rest, "rest", "the falling speed")
     several = not isinstance(states, State)
@@ -89,7 +96,24 @@ def settle(
     )
     if time_step is None:
         time_step = min(interval, expected.step(numbers, box, particles, falling, hindrance))
-    while True:
+    if checkpoint is not None:
+        if jax.process_count() > 1:
+            raise InputError("checkpoint: is kept by a single process; leave it out")
+        checkpoint = Checkpoint.of_work(
+            Path(checkpoint),
+            parameters=parameters,
+            box=box,
+            frames=frames,
+            rest=rest,
+            longest=longest,
+            time_step=time_step,
+            skin=skin,
+            rebuild_every=rebuild_every,
+            hindrance=hindrance,
+            trajectory=trajectory,
+            states=[state_file.arrays(state) for state in each],
+        )
+    for tried in itertools.count():
         setup = prepared(
             each[0],
             parameters,
@@ -103,15 +127,13 @@ def settle(
             touch=True,
             trajectory=trajectory,
         )
-        speeds = rest, falling
-        follow = partial(_until_rest, parameters, hindrance, box, setup, speeds, longest, progress)
+        at = setup, (rest, falling), longest
+        kept = checkpoint, f"try-{tried}"
+        follow = partial(_until_rest, parameters, hindrance, box, *at, progress, *kept)
         runs = processes.divided(partial(_side_by_side, follow), each)
-        if all(int(run.fault) != Fault.UNSTABLE for run in runs):
-            break
+        if None not in runs:
+            return _stacked(runs) if several else runs[0]
         time_step = SHORTER * setup.duration / setup.cuts.total
-    for run in runs:
-        run.check()
-    return _stacked(runs) if several else runs[0]
 
 
 def _numbers(parameters: Parameters, states: list[State]) -> tuple[Parameters, float]:
@@ -123,14 +145,21 @@ def _numbers(parameters: Parameters, states: list[State]) -> tuple[Parameters, f
     return numbers, max(highest)
 
 
-def _side_by_side(follow: Callable[[int, State], Run], states: Sequence[State]) -> list[Run]:
+def _side_by_side(
+    follow: Callable[[Event, int, State], Run | None], states: Sequence[State]
+) -> list[Run | None]:
     """Every state followed, one on each processor: a run is busy outside Python."""
+    stopped = Event()
     if len(states) <= 1:
-        return [follow(0, state) for state in states]
+        return [follow(stopped, 0, state) for state in states]
     pool = ThreadPoolExecutor(processes.usable_cores())
     try:
-        return list(pool.map(follow, range(len(states)), states))
-    finally:  # an interruption does not wait for the others
+        return list(pool.map(partial(follow, stopped), range(len(states)), states))
+    except Exception:  # the others end with the part that they are at
+        stopped.set()
+        pool.shutdown(wait=True, cancel_futures=True)
+        raise
+    finally:  # an interruption does not wait for them
         pool.shutdown(wait=False, cancel_futures=True)
 
 
@@ -142,23 +171,27 @@ def _until_rest(
     speeds: tuple[float, float],
     longest: float,
     progress: bool,
+    checkpoint: Checkpoint | None,
+    called: str,
+    stopped: Event,
     place: int,
     state: State,
-) -> Run:
-    """Part after part until the particles rest; where one has a fault, that part alone."""
+) -> Run | None:
+    """Part after part until the particles rest; None where that takes a shorter step."""
     rest, falling = speeds
-    now, parts, fastest = _ready(state, box, setup), [], 0.0
+    kept = None if checkpoint is None else Kept(checkpoint, f"{called}-start-{place}")
+    following = stages(state, parameters, hindrance, box, setup, kept)
+    parts, fastest = [], 0.0
     with _bar(progress, place) as bar:
-        while True:
-            part = _part(now, parameters, hindrance, box, setup)
-            if part.fault:
-                mended = setup.mended(part)
-                if mended is None:
-                    return part
-                setup = mended
-                continue
+        while not stopped.is_set():
+            try:
+                part = next(following)
+            except SimulationError as error:
+                if error.faults == Fault.UNSTABLE:
+                    return None
+                raise
             parts.append(part)
-            now, speed = part.state, np.asarray(part.mean_speed)
+            speed = np.asarray(part.mean_speed)
             fastest, time = max(fastest, speed.max()), setup.duration * len(parts)
             slow = rest * min(falling, fastest)
             bar.set_postfix_str(
@@ -166,57 +199,13 @@ def _until_rest(
             )
             bar.update(max(bar.n, _share(speed[-1], fastest, slow)) - bar.n)
             if (speed[-FRAMES_AT_REST:] < slow).all():
-                return _joined(parts, setup)
+                return joined(parts, setup)
             if time >= longest:
                 raise SimulationError(
                     f"after {time:.4g} s the particles still move at {speed[-1]:.3g} m/s, more "
                     f"than {slow:.3g} m/s: give a larger `longest` or `rest`"
                 )
-
-
-@partial(jax.jit, static_argnames=("box", "setup"))
-def _part(
-    state: State, parameters: Parameters, hindrance: Hindrance | None, box: Box, setup: Setup
-) -> Run:
-    """The next frames."""
-    return attempt(state, parameters, hindrance, box, setup)
-
-
-def _ready(state: State, box: Box, setup: Setup) -> State:
-    """The state with room for the memory that the run will give it: one program for all parts."""
-    if state.contacts is not None:
-        return state
-    blank = history.blank(
-        state.particles,
-        setup.plan.capacity + 2 * len(box.walled_axes),
-        state.position.dtype,
-        sliding=setup.laws.sliding,
-        rolling=setup.laws.rolling,
-    )
-    return replace(state, contacts=blank)
-
-
-def _joined(parts: list[Run], setup: Setup) -> Run:
-    """One run of parts that follow each other."""
-
-    def along(name: str) -> Array | Trajectory | None:
-        return jax.tree.map(
-            lambda first, *others: jnp.concatenate([first, *(rows[1:] for rows in others)]),
-            *(getattr(part, name) for part in parts),
-        )
-
-    def deepest(name: str) -> Array:
-        return jnp.max(jnp.stack([getattr(part, name) for part in parts]))
-
-    last, frames = parts[-1], len(parts) * setup.cuts.frames
-    times = np.linspace(0.0, len(parts) * setup.duration, frames + 1)
-    return replace(
-        last,
-        times=jnp.asarray(times, last.times.dtype),
-        **{name: along(name) for name in ALONG},
-        **{name: deepest(name) for name in ("deepest_overlap", "coating_overlap")},
-        steps=sum(part.steps for part in parts),
-    )
+    return None
 
 
 def _stacked(runs: list[Run]) -> Run:

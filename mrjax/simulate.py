@@ -132,6 +132,7 @@ class Setup:
     cuts: Schedule
     laws: Laws
     trajectory: bool
+    spoil: bool = True  # whether a fault makes all numbers NaN
 
     def mended(self, run: Run) -> "Setup | None":
         """With more room, where the run failed for want of it; None for other faults."""
@@ -241,7 +242,7 @@ def _in_reduced_units(
     state: State, parameters: Parameters, hindrance: Hindrance | None, box: Box, setup: Setup
 ) -> Run:
     """SI to reduced units, scan, and back."""
-    duration, unit_length, plan, cuts, laws, trajectory = (
+    duration, unit_length, plan, cuts, laws, trajectory, spoil = (
         getattr(setup, field.name) for field in fields(setup)
     )
     time_step = duration / cuts.total
@@ -271,7 +272,7 @@ def _in_reduced_units(
         trajectory=trajectory,
     )
     # A factor, not a choice: the derivative of what must not be used is NaN too.
-    sound = jnp.where(fault == 0, 1.0, jnp.nan).astype(dtype)
+    sound = jnp.where((fault == 0) | (not spoil), 1.0, jnp.nan).astype(dtype)
     last = replace(
         state,
         position=sound * units.length * end.position.T,

@@ -287,7 +287,7 @@ def test_calibrate_writes_its_files(tmp_path):
     assert "The fit converged." in report and "61.44 ± 0.77" in report
     page = (tmp_path / "fit" / "report.html").read_text()
     assert "<table>" in page and 'src="http' not in page
-    assert not (tmp_path / "fit" / "search.json").exists()
+    assert not (tmp_path / "fit" / "checkpoint").exists()
     figures = ("predictions.png", "residuals.png", "profiles.png", "loss.png")
     assert page.count('src="data:image/png;base64,') == len(figures)
     for figure in figures:

@@ -1,7 +1,6 @@
 """What a fit says beyond its optimum: profiles, samples, forecasts; bounds, outliers, restarts."""
 
 import dataclasses
-import json
 from collections import OrderedDict
 from functools import partial
 
@@ -18,7 +17,6 @@ from calibrate.fitted import Fitted
 from calibrate.forecast import forecast, leave_one_out, like
 from calibrate.posterior import posterior
 from calibrate.profile import profiles
-from mrjax import files
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 
@@ -110,37 +108,6 @@ def bent(theta):
 
 
 BENT = OrderedDict(a=np.exp(-1.2), b=np.exp(1.0))
-
-
-def test_an_interrupted_search_goes_on(tmp_path):
-    """From the point at which it was stopped, and the file goes when it is done."""
-    checkpoint = tmp_path / "search.json"
-    whole = fitted_to(bent, BENT)
-    assert len(whole.loss) > 4
-
-    with pytest.MonkeyPatch.context() as patch:
-        kept = files.write_json
-
-        def write(path, value):
-            kept(path, value)
-            if value["step"] == 3:
-                raise KeyboardInterrupt
-
-        patch.setattr(files, "write_json", write)
-        with pytest.raises(KeyboardInterrupt):
-            fitted_to(bent, BENT, checkpoint=checkpoint)
-    assert json.loads(checkpoint.read_text())["step"] == 3
-    resumed = fitted_to(bent, BENT, checkpoint=checkpoint)
-    assert not checkpoint.exists()
-    np.testing.assert_allclose(resumed.values, whole.values, rtol=1e-6)
-    np.testing.assert_array_equal(resumed.loss[:3], whole.loss[:3])
-    with pytest.raises(ValueError, match="is of another fit"):
-        checkpoint.write_text(json.dumps({"names": ["z"], "logs": [[1.0]]}))
-        fitted_to(bent, BENT, checkpoint=checkpoint)
-    other = {"names": ["a", "b"], "logs": [[1.0, 1.0]], "losses": [1.0], "runs": 1, "step": 1}
-    with pytest.raises(ValueError, match="is of another fit"):  # the same names, other residuals
-        checkpoint.write_text(json.dumps(other | {"began": [3.0, 4.0]}))
-        fitted_to(bent, BENT, checkpoint=checkpoint)
 
 
 def test_the_search_ends_where_gauss_newton_is_to_be_trusted():

@@ -1,0 +1,159 @@
+"""Where a run went wrong: when, and which particle, found by repeating the part that failed.
+
+A good run pays nothing for it. The part is repeated in ever shorter pieces down to a single step,
+whose positions are then looked at, spoilt as they are.
+"""
+
+from dataclasses import dataclass, replace
+
+import jax
+import numpy as np
+from scipy.spatial import cKDTree
+
+from mrjax import particle
+from mrjax.box import AXES, Box
+from mrjax.errors import SimulationError
+from mrjax.hindrance import Hindrance
+from mrjax.parameters import Parameters
+from mrjax.run import Fault, Run, reasons
+from mrjax.schedule import Schedule
+from mrjax.simulate import Setup, attempt
+from mrjax.state import State
+
+PIECES = 256
+"""Into which a part is divided, and each that fails again."""
+
+
+def failure(
+    state: State,
+    parameters: Parameters,
+    hindrance: Hindrance | None,
+    box: Box,
+    setup: Setup,
+    run: Run,
+    time: float,
+) -> SimulationError:
+    """What to tell of a run with a fault that cannot be mended.
+
+    Args:
+      state: in which the run began: the last good one.
+      parameters, hindrance, box, setup: of the run.
+      run: with its fault.
+      time: at which it began, s.
+    """
+    span = _Span(state, setup, time, run)
+    if span.faults != Fault.UNSTABLE:  # that is of the whole bed
+        span = _narrowed(span, parameters, hindrance, box)
+    where = f"between {span.begins:.6g} and {span.ends:.6g} s"
+    if span.setup.cuts.total == 1:
+        where = f"at {span.ends:.6g} s, {_who(span, parameters, box)}"
+    error = SimulationError(f"{where}: {reasons(span.faults)} (steps of {run.time_step:.3g} s)")
+    error.state, error.time, error.faults = state, time, int(run.fault)
+    return error
+
+
+@dataclass(frozen=True)
+class _Span:
+    """A piece of a run that has a fault."""
+
+    state: State  # at its beginning
+    setup: Setup
+    begins: float  # s
+    run: Run
+
+    @property
+    def faults(self) -> Fault:
+        """Of the piece."""
+        return Fault(int(self.run.fault))
+
+    @property
+    def ends(self) -> float:
+        """Of the piece, s."""
+        return self.begins + self.setup.duration
+
+
+def _narrowed(span: _Span, parameters: Parameters, hindrance: Hindrance | None, box: Box) -> _Span:
+    """The shortest piece of it, a single step if possible, that has a fault."""
+    while span.setup.cuts.total > 1:
+        setup, state, begins = _piece(span.setup), span.state, span.begins
+        while begins < span.ends - 0.5 * setup.duration:
+            run = _once(state, parameters, hindrance, box, setup)
+            if not run.fault:
+                state, begins = run.state, begins + setup.duration
+            elif (mended := setup.mended(run)) is not None:
+                setup = mended
+            else:
+                break
+        else:
+            return span  # rounded otherwise, it does not come again
+        span = _Span(state, setup, begins, run)
+    return span
+
+
+def _piece(setup: Setup) -> Setup:
+    """Of a run, about one of its PIECES; as many steps between looks at the list, or fewer."""
+    cuts = setup.cuts
+    most = max(1, cuts.total // PIECES)
+    steps = min(cuts.steps, most)
+    shorter = Schedule(frames=1, intervals=most // steps, steps=steps)
+    duration = setup.duration * shorter.total / cuts.total
+    return replace(setup, duration=duration, cuts=shorter, trajectory=False, spoil=False)
+
+
+_once = jax.jit(attempt, static_argnames=("box", "setup"))
+
+
+def _who(step: _Span, parameters: Parameters, box: Box) -> str:
+    """The particles to which a single step brought its faults, in words."""
+    faults, end = step.faults, step.run.state
+    position, velocity, spin = map(np.asarray, (end.position, end.velocity, end.spin))
+    if Fault.NOT_FINITE in faults:
+        finite = np.isfinite(np.hstack([position, velocity, spin])).all(axis=1)
+        return _named(np.flatnonzero(~finite))
+    if Fault.ESCAPED in faults:
+        outside = np.maximum(-position, position - np.array(box.size))[:, box.walled_axes]
+        return _named(outside.max(axis=1).argmax(keepdims=True))
+    if faults & (Fault.TOO_DEEP | Fault.THROUGH_COATING):
+        # Contacts are looked at half-way.
+        before, drift = np.asarray(step.state.position), np.asarray(step.state.velocity)
+        radius = np.asarray(particle.outer_radius(parameters))
+        half_way = before + 0.5 * step.setup.duration * drift
+        return _deepest(half_way, np.broadcast_to(radius, len(half_way)), box)
+    return _named((velocity**2).sum(axis=1).argmax(keepdims=True))
+
+
+def _named(particles: np.ndarray) -> str:
+    """Some particles by number."""
+    few = ", ".join(map(str, particles[:3]))
+    others = f" and {particles.size - 3} others" if particles.size > 3 else ""
+    return f"particle{'s' * (particles.size > 1)} {few}{others}"
+
+
+def _deepest(position: np.ndarray, radius: np.ndarray, box: Box) -> str:
+    """The contact with the greatest overlap in radii, and how deep it is.
+
+    Args:
+      position: centres, (N, 3) in m.
+      radius: of the coated particles, (N,) in m.
+      box: the container.
+    """
+    size, periodic = np.array(box.size), np.array(box.periodic)
+    wrapped = np.where(periodic, position % size, position)
+    tree = cKDTree(wrapped, boxsize=np.where(periodic, size, 0.0))
+    first, second = tree.query_pairs(2.0 * radius.max(), output_type="ndarray").T
+    apart = wrapped[first] - wrapped[second]
+    apart -= np.where(periodic, size * np.round(apart / size), 0.0)
+    overlap = radius[first] + radius[second] - np.sqrt((apart**2).sum(axis=1))
+    contacts = [
+        (depth, f"particles {one} and {other}")
+        for depth, one, other in zip(
+            overlap / np.minimum(radius[first], radius[second]), first, second, strict=True
+        )
+    ]
+    for axis in box.walled_axes:
+        for end, gap in (("lower", position[:, axis]), ("upper", size[axis] - position[:, axis])):
+            depth = 1.0 - gap / radius
+            who = int(depth.argmax())
+            contacts.append((depth[who], f"particle {who} and the {end} wall in {AXES[axis]}"))
+    depth, names = max(contacts)
+    return f"{names}, {depth:.2g} radii deep"
