@@ -49,9 +49,8 @@ def replacing(path: Path) -> Iterator[Path]:
 
     A reader sees the old file or the new, never half of it; what fails leaves the old one.
     """
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=path.suffix)
-    os.close(handle)
-    scratch = Path(name)
+    # Always the same name: what a killed process leaves is used up by the next.
+    scratch = path.with_name(f".{path.stem}.partial{path.suffix}")
     try:
         yield scratch
         os.chmod(scratch, 0o666 & ~_umask())

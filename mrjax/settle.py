@@ -113,6 +113,7 @@ def settle(
             trajectory=trajectory,
             states=[state_file.arrays(state) for state in each],
         )
+        checkpoint.claim()  # before threads would do so at once
     for tried in itertools.count():
         setup = prepared(
             each[0],
