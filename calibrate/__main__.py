@@ -163,6 +163,8 @@ def cli(
         for one in result.get("left_out", []) + result.get("new", []):
             click.echo(report.line(one))
         click.echo(f"Report: {folder / 'report.html'}")
+    for warning in result["warnings"]:
+        click.echo(f"mrjax-calibrate: warning: {warning}", err=True)
     if result["misfit"]:
         worst = max(
             result["predictions"],

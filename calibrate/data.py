@@ -132,10 +132,16 @@ class Measurement(NamedTuple):
     """One number with its uncertainty, both in `unit`, which is `si` in SI."""
 
     observable: str
+    """What was measured: `initial_velocity`, `final_ratio`, `viscosity_ratio`, or of a curve
+    `mudline` or `sedimentation_ratio`."""
     value: float
+    """In `unit`."""
     standard_deviation: float
+    """Of the value, in `unit`."""
     unit: str
+    """Its name, such as `mm/day`."""
     si: float
+    """The unit in SI."""
     place: int | None = None
     """Which point of the sample's curve this is."""
 
@@ -145,12 +151,15 @@ class Sample:
     """One suspension that was measured."""
 
     name: str
+    """As the experiment has it."""
     recipe: Recipe
+    """What the sample is made of."""
     height: float
     """Of the suspension when dispersed, m."""
     bed_fraction: float | Literal["particles"] | None
     """Of the coated particles in the bed at rest; "particles": as a simulated bed packs them."""
     measurements: tuple[Measurement, ...]
+    """All that was measured on it."""
     times: tuple[float, ...] = ()
     """Of the points of its curve, (T,) in s."""
 
@@ -160,8 +169,11 @@ class Experiment:
     """Samples, and the parameters that are fitted to them."""
 
     name: str
+    """As its file has it."""
     samples: tuple[Sample, ...]
+    """What was measured."""
     parameters: tuple[Fitted, ...]
+    """What is fitted, in the order of the values of a fit."""
     held: tuple[tuple[str, str, float], ...] = ()
     """Sample, name and value of what the experiment holds at another value than the recipe."""
 
@@ -208,7 +220,12 @@ class Experiment:
         return tuple(one.name for one in self.parameters if sample.name in one.samples)
 
     def suspension_of(self, sample: Sample, theta: dict[str, ArrayLike]) -> Suspension:
-        """The sample with the held and the fitted values, by variable, in their places."""
+        """The sample with the held and the fitted values in their places.
+
+        Args:
+          sample: one of the experiment's, or like one of them.
+          theta: the fitted values, by variable.
+        """
         held = {name: value for of, name, value in self.held if of == sample.name}
         changes = {
             one.name: one.value(theta[one.variable])

@@ -28,8 +28,11 @@ class Combination:
     """A product of powers of the fitted values."""
 
     expression: str
+    """In words, such as `f_w * f_s`."""
     exponents: dict[str, float]
+    """Of the values that occur in it, by name."""
     value: float
+    """At the end of the fit."""
     standard_error: float
     """From the measurements alone."""
 

@@ -19,7 +19,7 @@ from calibrate.posterior import Posterior
 from calibrate.profile import LEVELS, Profile
 from calibrate.residuals import Problem
 from calibrate.units import CURVES, TIME_UNITS
-from mrjax import files
+from mrjax import Parameters, files, terminal_velocity, validity
 
 LARGEST_CHI_SQUARED = 4.0
 """Of a degree of freedom, two standard deviations each: beyond it a fit is called a misfit."""
@@ -59,6 +59,10 @@ def summary(
     labels = {one.variable: one.label for one in problem.experiment.parameters}
     alone = [name for name in fit.names if not found.determined[name]]
     bounded = [name for name in alone if np.isfinite(found.standard_errors[name])]
+    validity_of = {
+        sample.name: _validity(problem.experiment.suspension_of(sample, fit.theta).parameters)
+        for sample in problem.experiment.samples
+    }
     return {
         "converged": fit.converged,
         "on_a_kink": fit.on_a_kink,
@@ -76,6 +80,15 @@ def summary(
         "carried_by_priors_alone": [labels[name] for name in bounded],
         "undetermined": [labels[name] for name in alone if name not in bounded],
         "predictions": _predictions(problem, fit, predicted),
+        "validity": {
+            name: {one.name: {"value": one.value, "holds": one.holds} for one in numbers}
+            for name, numbers in validity_of.items()
+        },
+        "warnings": [
+            f"sample {name}: {warning}"
+            for name, numbers in validity_of.items()
+            for warning in validity.warnings(numbers)
+        ],
         "notes": [
             f"sample {sample.name}: {note}"
             for sample in problem.experiment.samples
@@ -102,6 +115,11 @@ def summary(
             "divergences": samples.divergences,
         },
     }
+
+
+def _validity(parameters: Parameters) -> tuple[validity.Number, ...]:
+    """Of a suspension that falls as fitted."""
+    return validity.numbers(parameters, terminal_velocity(parameters))
 
 
 def _parameters(
@@ -269,6 +287,15 @@ def markdown(name: str, model: str, result: dict[str, Any], figures: dict[str, F
             for label, one in result["parameters"].items()
         ),
     )
+    numbers = files.markdown_table(
+        ["sample", "number", "as fitted", "the model holds"],
+        (
+            [sample, name, f"{number['value']:.2g}", number["holds"]]
+            for sample, of_sample in result["validity"].items()
+            for name, number in of_sample.items()
+        ),
+    )
+    beyond = "".join(f"\n**Warning:** {warning}.\n" for warning in result["warnings"])
     notes = "".join(f"\nNote: {note}.\n" for note in result["notes"])
     words = "\n".join(line if line.startswith("-") else f"\n{line}" for line in in_words(result))
     return f"""# {name}, fitted with the {model} model
@@ -295,6 +322,9 @@ out, such as flocculation or a spread of sizes, is in it.
 
 {shown("profiles", "posterior")}
 {_of_samples(result["posterior"])}{_left_out(result.get("left_out", []))}{_new(result.get("new"))}
+## Where the model holds
+
+{numbers}{beyond}
 ## The search
 
 {shown("loss")}

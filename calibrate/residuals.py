@@ -29,7 +29,9 @@ class Problem:
     """An experiment with a forward model for each of its samples."""
 
     experiment: Experiment
+    """Samples and parameters."""
     models: tuple[ForwardModel, ...]
+    """One for each sample: from a `Suspension` to what should be measured on it, in SI units."""
     near: OrderedDict[str, float]
     """Values, by variable, near which the models are to be asked."""
     everywhere: bool
@@ -47,7 +49,7 @@ class Problem:
 
         Args:
           experiment: samples and parameters.
-          model: the name of a forward model, or one like those of `calibrate.predict`, such as
+          model: the name of a forward model, or one like those beside it, such as
             `partial(predict.column, cells=100)`.
           seed: of the random starts of particles.
           near: values, by variable, near which it will be asked; left out, the medians.

@@ -238,6 +238,7 @@ def simulate(
             f"%{spread} of the height; contacts softened to {summary['deepest_overlap_radii']:.2g} "
             f"radii, moduli by a factor of {summary['softening']:.2g}."
         )
+    click.echo(f"Numbers, and where the model holds: {validity.in_words(numbers)}.")
     click.echo(f"{run.steps} steps of {run.time_step:.3g} s on {jax.default_backend()}.")
     click.echo(f"Results: {folder}")
 

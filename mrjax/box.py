@@ -70,9 +70,9 @@ class Box:
         """jax-md's pair of functions for this box, both on positions (..., 3) in m.
 
         Returns:
-          displacement(first, second): vector from `second` to `first`, to the nearest image on
-            periodic axes.
-          shift(position, change): the moved position, wrapped into the box on periodic axes.
+          displacement(first, second), the vector from `second` to `first`, to the nearest image on
+          periodic axes; and shift(position, change), the moved position, wrapped into the box on
+          periodic axes.
         """
         from mrjax._jax_md import space
 

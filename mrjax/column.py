@@ -170,11 +170,15 @@ def column_steps(
     compression: Compression | None = None,
     cells: int = 200,
 ) -> int:
-    """Steps for `column`, whose arguments these are: no front crosses more than half a cell in one.
+    """Steps for `column` of which none lets a front cross more than half a cell.
 
     The speed of fronts is that of `kynch.fastest_front`. Rounded up to four binary digits, so that
     neighbouring parameters share a compiled program. For parameters that are traced, those of a fit
     or of a `vmap`, take the most that any of them needs, and some more to be safe.
+
+    Args:
+      parameters, height, volume_fraction, bed_fraction: as for `column`.
+      times, hindrance, compression, cells: as for `column`.
 
     Raises:
       InputError: an argument that cannot be used, or is traced by jit or vmap.

@@ -25,7 +25,10 @@ HABERMAN_SAYRE_LIMIT = 0.8
 
 
 def coefficient(parameters: Parameters) -> Array:
-    """Eq. 24: gamma = 6 pi f_w f_s f_v f_r mu R, drag force over speed; N s/m, () or (N,)."""
+    """Eq. 24: gamma = 6 pi f_w f_s f_v f_r mu R, drag force over speed; N s/m, () or (N,).
+
+    Eqs. 10 and 18 are the same with factors of 1.
+    """
     corrections = parameters.f_w * parameters.f_s
     return 6.0 * jnp.pi * corrections * carrier_viscosity(parameters) * outer_radius(parameters)
 

@@ -1,6 +1,7 @@
-"""The sum of forces and torques on every particle, all but the drag (Son 2018, Eqs. 2 and 19).
+"""The sum of forces and torques on every particle, all but the drag (Son 2018, Eqs. 1, 2 and 19).
 
-The drag is linear in velocity and spin, and integrated exactly by the leapfrog. Arrays are kept
+Of Eq. 1 the magnetic and the weak forces are left out, as in the paper. The drag is linear in
+velocity and spin, and integrated exactly by the leapfrog. Arrays are kept
 apart by component, (P,) for the P possible contacts, each once.
 """
 

@@ -161,7 +161,8 @@ def reynolds_number(velocity: ArrayLike, parameters: Parameters) -> Array:
     """Re = rho_f v 2 f_r R / (f_v mu) of a coated particle in the thickened fluid; 1.
 
     Args:
-      velocity: settling velocity, m/s.
+      velocity: settling velocity, m/s, () or (N,).
+      parameters: of the particles and the fluid.
     """
     diameter = 2.0 * particle.outer_radius(parameters)
     viscosity = drag.carrier_viscosity(parameters)

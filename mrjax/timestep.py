@@ -62,7 +62,12 @@ def rise_time(parameters: Parameters) -> Array:
 
 
 def time_step(parameters: Parameters, refinement: ArrayLike = REFINEMENT) -> Array:
-    """Eq. 29: MIN(t_c, t_r) / h_t, which resolves every contact and the rise; s, ()."""
+    """Eq. 29: MIN(t_c, t_r) / h_t, which resolves every contact and the rise; s, ().
+
+    Args:
+      parameters: of particles, fluid and contact.
+      refinement: h_t, the time refinement factor; 1.
+    """
     return jnp.minimum(rayleigh_time(parameters), rise_time(parameters)) / refinement
 
 
