@@ -183,6 +183,11 @@ class Experiment:
 
         Raises:
           InputError: the file, a value in it, a recipe or a curve it names cannot be used.
+
+        Example:
+          >>> experiment = calibrate.Experiment.load("fang2005")
+          >>> [one.label for one in experiment.parameters]
+          ['f_w', 'f_s', 'f_v', 'bed_fraction[A]', 'bed_fraction[B]']
         """
         table, path = sheets.read(source, "calibrate.experiments", "experiment")
         sheet = sheets.validated(ExperimentSheet, table, str(source))

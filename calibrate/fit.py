@@ -143,6 +143,14 @@ def fit(
     Raises:
       ValueError: a start or prior that is not positive, a prior for no parameter, or a checkpoint
         of another fit.
+
+    Example:
+      >>> at = jnp.array([1.0, 2.0, 4.0])
+      >>> def residuals(theta):
+      ...     return (theta["slope"] * at - jnp.array([6.1, 12.0, 23.9])) / 0.1
+      >>> fit = calibrate.fit(residuals, {"slope": 1.0})
+      >>> fit.converged, fit.values.round(3)
+      (True, array([5.986]))
     """
     optimizer = optax.with_extra_args_support(optimizer or optax.adam(0.3))
     names = _names(start)

@@ -56,6 +56,12 @@ class Problem:
 
         Raises:
           InputError: no such model, or a suspension that cannot be made.
+
+        Example:
+          >>> experiment = calibrate.Experiment.load("fang2005")
+          >>> problem = calibrate.Problem.prepare(experiment, "closed-form")
+          >>> problem.predict(problem.start).round(2)  # mm/day and %, of both samples
+          Array([ 9.12, 67.44,  4.9 , 83.28], dtype=float64)
         """
         make = forward_model(model)
         near = OrderedDict(experiment.start if near is None else near)

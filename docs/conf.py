@@ -69,7 +69,9 @@ def as_restructured_text(_app, what, _name, _object, _options, lines: list[str])
     if what in ("attribute", "data", "property"):
         lines += ["..", ""]
     for paragraph in paragraphs:
-        if SECTION.match(paragraph[0]) or not _laid_out(paragraph):
+        if paragraph[0].strip() == "Example:":
+            lines += [*paragraph, ""]
+        elif SECTION.match(paragraph[0]) or not _laid_out(paragraph):
             lines += [*map(_marked, paragraph), ""]
         else:
             lines += [".. code-block:: text", "", *(f"   {line}" for line in paragraph), ""]

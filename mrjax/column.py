@@ -145,6 +145,18 @@ def column(
     Raises:
       InputError: an argument that cannot be used, too few steps (plain calls), or a traced one
         from which steps would have to be chosen.
+
+    Example:
+      >>> recipe = mrjax.Recipe.load("case2")
+      >>> tube = mrjax.column(
+      ...     recipe.parameters(),
+      ...     height=0.1,
+      ...     volume_fraction=recipe.coated_volume_fraction,
+      ...     bed_fraction=0.6,
+      ...     times=[86400.0, 864000.0],
+      ... )
+      >>> (1000 * tube.mudline).round(1)  # 9.116 mm in a day, and all in the bed after ten
+      Array([90.9, 56.2], dtype=float64)
     """
     case, cells, fewest = _accepted(
         _Case(parameters, height, volume_fraction, bed_fraction, times, hindrance, compression),

@@ -81,6 +81,10 @@ def son2018(
 
     The cap is reached at lambda = 0.758, a volume fraction of 0.336: there and above the
     derivative with respect to the volume fraction, a and b is zero.
+
+    Example:
+      >>> float(mrjax.drag.son2018(0.337))
+      48.985
     """
     return jnp.minimum(cap, son2018_uncapped(volume_fraction, coefficient, exponent))
 

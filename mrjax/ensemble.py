@@ -35,6 +35,10 @@ def ensemble(function: Callable[[Any], Any], members: Any) -> Any:
 
     Raises:
       InputError: members that differ in number, or none.
+
+    Example:
+      >>> mrjax.ensemble(lambda member: member**2, jnp.arange(3.0))
+      Array([0., 1., 4.], dtype=float64)
     """
     counts = {np.shape(leaf)[:1] for leaf in jax.tree.leaves(members)}
     if len(counts) != 1 or counts & {(), (0,)}:

@@ -112,6 +112,13 @@ def sedimentation_ratio(run: Run, height: str = "top") -> Array:
     Raises:
       InputError: there is no such height.
       SimulationError: the run is not to be trusted.
+
+    Example:
+      >>> recipe = mrjax.Recipe.load("case2")
+      >>> state = mrjax.disperse(recipe, seed=0)
+      >>> run = mrjax.simulate(state, recipe.parameters(), recipe.box, duration=3e-7)
+      >>> mrjax.sedimentation_ratio(run).round(1)  # nothing has settled yet
+      Array([1., 1.], dtype=float64)
     """
     if height not in HEIGHTS:
         raise InputError(f"height = {height!r} must be one of {', '.join(HEIGHTS)}")

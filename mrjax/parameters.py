@@ -102,6 +102,11 @@ class Parameters:
 
         Raises:
           TypeError: a name that is not a parameter.
+
+        Example:
+          >>> parameters = mrjax.Recipe.load("case2").parameters()
+          >>> float(parameters.replace(f_w=1.0).f_w)
+          1.0
         """
         return dataclasses.replace(self, **changes)
 

@@ -292,6 +292,11 @@ class Recipe(Sheet):
 
         Raises:
           InputError: the file or a value in it cannot be used.
+
+        Example:
+          >>> recipe = mrjax.Recipe.load("case2")
+          >>> recipe.particle_count, round(recipe.volume_fraction, 4)
+          (314, 0.3372)
         """
         table, _ = sheets.read(source, "mrjax.recipes", "recipe")
         return sheets.validated(cls, table, str(source))

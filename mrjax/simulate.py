@@ -96,6 +96,13 @@ def simulate(
       InputError: an argument that cannot be used, a step that would be unstable, or a traced value
         where a concrete one is needed.
       SimulationError: the run is not to be trusted (plain calls).
+
+    Example:
+      >>> recipe = mrjax.Recipe.load("case2")
+      >>> state = mrjax.disperse(recipe, seed=0)
+      >>> run = mrjax.simulate(state, recipe.parameters(), recipe.box, duration=3e-7)
+      >>> print(f"{86400e3 * mrjax.settling_velocity(run):.3f} mm/day")
+      9.116 mm/day
     """
     setup = prepared(
         state,

@@ -67,6 +67,10 @@ def time_step(parameters: Parameters, refinement: ArrayLike = REFINEMENT) -> Arr
     Args:
       parameters: of particles, fluid and contact.
       refinement: h_t, the time refinement factor; 1.
+
+    Example:
+      >>> print(f"{mrjax.time_step(mrjax.Recipe.load('case2').parameters()):.2g} s")
+      1e-10 s
     """
     return jnp.minimum(rayleigh_time(parameters), rise_time(parameters)) / refinement
 
