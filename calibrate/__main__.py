@@ -4,10 +4,14 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from mrjax import InputError, SimulationError, commands
+
+if TYPE_CHECKING:
+    from calibrate.data import Experiment, Sample
 
 
 @click.command(
@@ -110,7 +114,7 @@ def cli(
     checkpoint = folder / "search.json"
     if checkpoint.exists() and not quiet:
         click.echo(f"Going on with the search kept in {checkpoint}.", err=True)
-    options = dict(begin_with=begin_with, starts=starts, seed=seed, robust=robust)
+    options: dict[str, Any] = dict(begin_with=begin_with, starts=starts, seed=seed, robust=robust)
     try:
         problem, fitted = calibrated(
             loaded, model, **options, progress=not quiet, checkpoint=checkpoint
@@ -127,7 +131,8 @@ def cli(
     usable = fitted.converged
     held = profiles(fitted) if usable else ()
     # What goes wrong from here on is told when the fit itself is written.
-    faults, samples, further = [], None, {}
+    faults: list[Exception] = []
+    samples, further = None, {}
     if posterior and usable:
         with _told_later(faults):
             samples = sampled(fitted, seed)
@@ -213,7 +218,7 @@ def _refuse_options(
         )
 
 
-def _new(experiment, recipe: str, like: str | None):
+def _new(experiment: "Experiment", recipe: str, like: str | None) -> "tuple[Experiment, Sample]":
     """The recipe to be predicted as a sample, and the experiment that says what applies to it."""
     from calibrate import forecast
     from mrjax import Recipe

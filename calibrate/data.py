@@ -1,9 +1,10 @@
 """Measurements with their uncertainty, the recipe each belongs to, and what is to be fitted."""
 
 from collections import Counter, OrderedDict
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple, Self
 
 from jax.typing import ArrayLike
 from pydantic import Field, field_validator, model_validator
@@ -35,7 +36,7 @@ class FinalRatio(Sheet):
     unit: Annotated[str, one_of(RATIO_UNITS)] = Field(default="1", description="1 or %")
 
     @model_validator(mode="after")
-    def _a_ratio(self):
+    def _a_ratio(self) -> Self:
         if self.value * RATIO_UNITS[self.unit] > 1.0:
             raise ValueError(
                 f"final_ratio.value = {self.value:g}: must be at most 1, or 100 with unit = "
@@ -78,7 +79,7 @@ class SampleSheet(Sheet):
 
     @field_validator("bed_fraction")
     @classmethod
-    def _a_fraction(cls, bed_fraction):
+    def _a_fraction(cls, bed_fraction: float | str | None) -> float | str | None:
         if isinstance(bed_fraction, float) and not 0 < bed_fraction < 1:
             raise ValueError(f"bed_fraction = {bed_fraction:g}: must be between 0 and 1, about 0.6")
         return bed_fraction
@@ -92,7 +93,7 @@ class ExperimentSheet(Sheet):
     parameter: list[ParameterSheet] = Field(min_length=1, description="one [[parameter]] for each")
 
     @model_validator(mode="after")
-    def _consistent(self):
+    def _consistent(self) -> Self:
         names = [sample.name for sample in self.sample]
         for name in names:
             if names.count(name) > 1:
@@ -111,18 +112,18 @@ class ExperimentSheet(Sheet):
                 )
         taken = set()
         for parameter in self.parameter:
-            for sample in parameter.samples or names:
-                if sample not in names:
+            for name in parameter.samples or names:
+                if name not in names:
                     raise ValueError(
-                        f"parameter {parameter.name!r}: samples = {sample!r}: no such sample; "
+                        f"parameter {parameter.name!r}: samples = {name!r}: no such sample; "
                         f"known: {', '.join(names)}"
                     )
-                if (parameter.name, sample) in taken:
+                if (parameter.name, name) in taken:
                     raise ValueError(
-                        f"parameter.name = {parameter.name!r}: given twice for sample {sample!r}; "
+                        f"parameter.name = {parameter.name!r}: given twice for sample {name!r}; "
                         "keep one"
                     )
-                taken.add((parameter.name, sample))
+                taken.add((parameter.name, name))
         if all(parameter.value is not None for parameter in self.parameter):
             raise ValueError("every [[parameter]] is held at a value; give one a median to fit it")
         return self
@@ -224,7 +225,7 @@ class Experiment:
         """Names of what is fitted of a sample."""
         return tuple(one.name for one in self.parameters if sample.name in one.samples)
 
-    def suspension_of(self, sample: Sample, theta: dict[str, ArrayLike]) -> Suspension:
+    def suspension_of(self, sample: Sample, theta: Mapping[str, ArrayLike]) -> Suspension:
         """The sample with the held and the fitted values in their places.
 
         Args:

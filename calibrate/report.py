@@ -12,6 +12,7 @@ from markdown_it import MarkdownIt
 from matplotlib.figure import Figure
 
 from calibrate.fit import Fit, pseudo_huber
+from calibrate.fitted import Fitted
 from calibrate.forecast import Forecast
 from calibrate.identify import Identification, covariance, expression, information
 from calibrate.plots import spelled
@@ -161,9 +162,9 @@ def _parameters(
     return table
 
 
-def _at_end(one, x: float) -> float:
+def _at_end(one: Fitted, x: float) -> float:
     if np.isfinite(x):
-        return one.value(x)
+        return float(one.value(x))
     return one.bounds[1] if one.bounds else np.inf
 
 
@@ -173,9 +174,9 @@ def _predictions(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[dict
     exponents = fit.jacobian * (spreads / predicted)[:, None]
     known, _ = covariance(information(fit))
     slopes = fit.jacobian
-    if fit.robust is not None:  # back from how residuals count to what they are
+    if (longest := fit.robust) is not None:  # back from how residuals count to what they are
         of = jnp.asarray((predicted - problem.measured) / spreads)
-        counts = jax.vmap(jax.grad(lambda one: pseudo_huber(one, fit.robust)))(of)
+        counts = jax.vmap(jax.grad(lambda one: pseudo_huber(one, longest)))(of)
         slopes = slopes / np.asarray(counts)[:, None]
     errors = spreads * np.sqrt(np.einsum("mp,pq,mq->m", slopes, known, slopes))
     return [

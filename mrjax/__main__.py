@@ -3,12 +3,17 @@
 import time
 from importlib import resources
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from mrjax import commands
 from mrjax.errors import InputError
 from mrjax.overlap import MOST_OVERLAP, OVERLAP
+
+if TYPE_CHECKING:
+    from mrjax.run import Run
+    from mrjax.sedimentation import Sedimentation
 
 STEADY_AFTER = 10.0
 """Relaxation times after which a velocity is steady to 5e-5."""
@@ -151,7 +156,7 @@ def simulate(
     numbers = validity.numbers(parameters, velocity)
     warnings = validity.warnings(numbers)
     made_by = commands.made_by(sheet, seed, dtype)
-    summary = {
+    summary: dict[str, Any] = {
         "recipe": sheet.name,
         "settling_velocity_mm_per_day": mrjax.MM_PER_DAY * velocity,
         "closed_form_mm_per_day": mrjax.MM_PER_DAY * mrjax.terminal_velocity(parameters).mean(),
@@ -243,7 +248,7 @@ def simulate(
     click.echo(f"Results: {folder}")
 
 
-def _columns(run) -> dict:
+def _columns(run: "Run") -> dict[str, Any]:
     """The curve of one run."""
     import mrjax
 
@@ -255,7 +260,7 @@ def _columns(run) -> dict:
     }
 
 
-def _curve(whole) -> dict:
+def _curve(whole: "Sedimentation") -> dict[str, Any]:
     """The curve of an ensemble: means, and the standard error of the ratio where there is one."""
     import mrjax
 
@@ -270,7 +275,7 @@ def _curve(whole) -> dict:
     return columns
 
 
-def _at_rest(whole) -> dict:
+def _at_rest(whole: "Sedimentation") -> dict[str, Any]:
     """What a run to rest adds to the summary."""
     import jax
 

@@ -84,6 +84,10 @@ class Column:
         return self.mudline / self.initial_height
 
 
+Carry = tuple[Array, Array, Array]
+"""Volume fractions, what rounding has lost of them, and those at the times so far."""
+
+
 class _Case(NamedTuple):
     """What settles, in SI."""
 
@@ -274,7 +278,7 @@ def _profiles(case: _Case, flux: kynch.Table, cells: int, steps: int) -> Array:
 
     falling = sharp if stress is None else robust
 
-    def step(carry: tuple[Array, Array, Array], now: tuple[Array, Array]):
+    def step(carry: Carry, now: tuple[Array, Array]) -> tuple[Carry, None]:
         fraction, rounded, seen = carry
         share, slot = now
         down = falling(fraction, share)
@@ -289,7 +293,7 @@ def _profiles(case: _Case, flux: kynch.Table, cells: int, steps: int) -> Array:
         return (settled, rounded, lax.dynamic_update_index_in_dim(seen, settled, slot, 0)), None
 
     @partial(jax.checkpoint, prevent_cse=False)
-    def steps_of_chunk(carry, now):
+    def steps_of_chunk(carry: Carry, now: tuple[Array, Array]) -> tuple[Carry, None]:
         return lax.scan(step, carry, now)
 
     start = jnp.full(cells, case.volume_fraction)

@@ -55,7 +55,7 @@ def diameter_ratio(volume_fraction: ArrayLike) -> Array:
     return 1.0 / (jnp.cbrt(4.0 * jnp.pi / (3.0 * volume_fraction)) - 1.0)
 
 
-def volume_fraction_at(ratio: float) -> float:
+def volume_fraction_at(ratio: ArrayLike) -> ArrayLike:
     """Eq. 15 solved for the volume fraction; 1."""
     return 4.0 * math.pi / (3.0 * (1.0 + 1.0 / ratio) ** 3)
 

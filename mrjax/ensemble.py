@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import lax
+from jax import Array, lax
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from mrjax.errors import InputError
@@ -53,7 +53,7 @@ def _everywhere(function: Callable, mesh: Mesh, members: Any) -> Any:
     count = len(jax.tree.leaves(members)[0])
     missing = -count % mesh.size  # the last one, again and again
 
-    def filled(leaf):
+    def filled(leaf: Array) -> Array:
         return jnp.concatenate([leaf, jnp.repeat(leaf[-1:], missing, axis=0)])
 
     axis = PartitionSpec("members")

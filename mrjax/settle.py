@@ -4,11 +4,11 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
 from tqdm import tqdm
 
 from mrjax import checks, expected, history, particle, processes
@@ -20,7 +20,6 @@ from mrjax.parameters import Parameters
 from mrjax.run import Fault, Run
 from mrjax.simulate import Setup, attempt, prepared
 from mrjax.state import State
-from mrjax.trajectory import Trajectory
 
 FRAMES_AT_ONCE = 10
 FRAMES_AT_REST = 3
@@ -76,8 +75,7 @@ def settle(
       SimulationError: the bed did not come to rest, or the run is not to be trusted.
     """
     rest = checks.positive(rest, "rest", "the falling speed")
-    several = not isinstance(states, State)
-    each = list(states) if several else [states]
+    each = [states] if isinstance(states, State) else list(states)
     if not each or len({state.particles for state in each}) > 1:
         raise InputError("states differ in their number of particles, or there are none")
     particles = each[0].particles
@@ -111,7 +109,7 @@ def settle(
         time_step = SHORTER * setup.duration / setup.cuts.total
     for run in runs:
         run.check()
-    return _stacked(runs) if several else runs[0]
+    return runs[0] if isinstance(states, State) else _stacked(runs)
 
 
 def _numbers(parameters: Parameters, states: list[State]) -> tuple[Parameters, float]:
@@ -199,13 +197,13 @@ def _ready(state: State, box: Box, setup: Setup) -> State:
 def _joined(parts: list[Run], setup: Setup) -> Run:
     """One run of parts that follow each other."""
 
-    def along(name: str) -> Array | Trajectory | None:
+    def along(name: str) -> Any:
         return jax.tree.map(
             lambda first, *others: jnp.concatenate([first, *(rows[1:] for rows in others)]),
             *(getattr(part, name) for part in parts),
         )
 
-    def deepest(name: str) -> Array:
+    def deepest(name: str) -> Any:
         return jnp.max(jnp.stack([getattr(part, name) for part in parts]))
 
     last, frames = parts[-1], len(parts) * setup.cuts.frames
@@ -228,7 +226,7 @@ def _stacked(runs: list[Run]) -> Run:
     def alike(run: Run) -> Run:
         missing = len(longest.times) - len(run.times)
 
-        def lasting(rows: Array) -> Array:
+        def lasting(rows: Array) -> Any:
             return jnp.pad(rows, [(0, missing)] + [(0, 0)] * (rows.ndim - 1), mode="edge")
 
         return replace(

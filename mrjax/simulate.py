@@ -125,8 +125,8 @@ def simulate(
             return run
         mended = setup.mended(run)
         if mended is None:
-            run.check()
-        setup = mended
+            run.check()  # raises
+        setup = mended  # type: ignore[assignment] # a fault that cannot be mended has raised
 
 
 @dataclass(frozen=True)
@@ -485,7 +485,8 @@ def _faults_of_motion(box: Box, end: Motion, deepest: Array, coating: Array) -> 
         (coating > 1.0, Fault.THROUGH_COATING),
         (~finite, Fault.NOT_FINITE),
     )
-    return sum(jnp.where(here, int(fault), 0) for here, fault in found).astype(jnp.int32)
+    faults = [jnp.where(here, int(fault), 0) for here, fault in found]
+    return sum(faults[1:], faults[0]).astype(jnp.int32)
 
 
 def _chosen_step(numbers: Parameters, touch: bool) -> float:
