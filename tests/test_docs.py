@@ -11,6 +11,7 @@ import pytest
 
 import calibrate
 import mrjax
+from mrjax import validity
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -73,7 +74,7 @@ def test_equations_and_functions_name_each_other():
 def test_every_number_with_a_bound_is_on_the_page_of_validity():
     page = (DOCS / "validity.md").read_text("utf-8")
     parameters = mrjax.Recipe.load("case2").parameters()
-    numbers = mrjax.validity.numbers(parameters, mrjax.terminal_velocity(parameters))
+    numbers = validity.numbers(parameters, mrjax.terminal_velocity(parameters))
     for one in numbers:
         [row] = [line for line in page.splitlines() if f"{one.name} number $" in line]
         assert one.holds in row
@@ -95,6 +96,19 @@ def public_functions() -> list:
                 if inspect.isfunction(function) or inspect.ismethod(function)
             ]
     return found
+
+
+@pytest.mark.parametrize("function", public_functions())
+def test_everything_public_has_its_types(function):
+    signature = inspect.signature(function)
+    arguments = [one for one in signature.parameters.values() if one.name != "self"]
+    assert inspect.Signature.empty not in {one.annotation for one in arguments}
+    assert signature.return_annotation is not inspect.Signature.empty
+
+
+@pytest.mark.parametrize("package", [mrjax, calibrate])
+def test_types_are_shipped(package):
+    assert (Path(package.__file__).parent / "py.typed").exists()
 
 
 @pytest.mark.parametrize("function", public_functions())
