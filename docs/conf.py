@@ -48,7 +48,10 @@ napoleon_use_rtype = False
 # kernel, which no caller sees.
 nitpick_ignore_regex = [
     ("py:class", r"(jax|jaxlib|numpy|optax|pathlib|collections|enum)\..*"),
-    ("py:class", r"mrjax\.(pairs\.Pairs|history\.Memory|leapfrog\.Noted|sheets\.Sheet)"),
+    (
+        "py:class",
+        r"mrjax\.(pairs\.Pairs|history\.Memory|leapfrog\.Noted|sheets\.Sheet|units\.Units)",
+    ),
     ("py:class", r"(optional|ellipsis|typing\.\w+|conf\.\w+|ArrayLike|DTypeLike)"),
 ]
 
