@@ -4,10 +4,14 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from mrjax import InputError, SimulationError, commands
+
+if TYPE_CHECKING:
+    from calibrate.data import Experiment, Sample
 
 
 @click.command(
@@ -112,7 +116,7 @@ def cli(
         refuse_without_sampler()
     new = None if predict is None else _new(loaded, predict, like)
     folder = files.result_folder(Path(out))
-    options = dict(begin_with=begin_with, starts=starts, seed=seed, robust=robust)
+    options: dict[str, Any] = dict(begin_with=begin_with, starts=starts, seed=seed, robust=robust)
     work = dict(command="fit", experiment=loaded, model=model, **options, dtype=dtype)
     with kept(folder, resume, quiet, **work) as checkpoint:
         try:
@@ -131,7 +135,8 @@ def cli(
         usable = fitted.converged
         held = profiles(fitted) if usable else ()
         # What goes wrong from here on is told when the fit itself is written.
-        faults, samples, further = [], None, {}
+        faults: list[Exception] = []
+        samples, further = None, {}
         if posterior and usable:
             with _told_later(faults):
                 samples = sampled(fitted, seed, checkpoint=checkpoint / "posterior")
@@ -172,6 +177,8 @@ def cli(
         for one in result.get("left_out", []) + result.get("new", []):
             click.echo(report.line(one))
         click.echo(f"Report: {folder / 'report.html'}")
+    for warning in result["warnings"]:
+        click.echo(f"mrjax-calibrate: warning: {warning}", err=True)
     if result["misfit"]:
         worst = max(
             result["predictions"],
@@ -220,7 +227,7 @@ def _refuse_options(
         )
 
 
-def _new(experiment, recipe: str, like: str | None):
+def _new(experiment: "Experiment", recipe: str, like: str | None) -> "tuple[Experiment, Sample]":
     """The recipe to be predicted as a sample, and the experiment that says what applies to it."""
     from calibrate import forecast
     from mrjax import Recipe

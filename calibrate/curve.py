@@ -71,7 +71,9 @@ def read(sheet: CurveSheet, folder: Path) -> Curve:
     if len(lines) < 2:
         raise InputError(f"{path}: has {len(lines)} rows of numbers; give at least 2")
     observable = next(name for name in CURVES if name in columns)
-    times, values, errors = [], [], []
+    times: list[float] = []
+    values: list[float] = []
+    errors: list[float] = []
     for number, cells in lines:
         at = f"{path}, line {number}"
         if len(cells) != len(columns):
@@ -80,7 +82,7 @@ def read(sheet: CurveSheet, folder: Path) -> Curve:
                 "commas and write decimals with a point"
             )
         row = {name: _number(at, name, cell) for name, cell in zip(columns, cells, strict=True)}
-        error = row.get(ERROR, sheet.standard_deviation)
+        error = row.get(ERROR, sheet.standard_deviation or math.nan)
         for name in ("time", observable):
             if row[name] < 0.0:
                 raise InputError(f"{at}: {name} = {row[name]:g} is negative; mend the row")

@@ -1,9 +1,10 @@
 """Measurements with their uncertainty, the recipe each belongs to, and what is to be fitted."""
 
 from collections import Counter, OrderedDict
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple, Self
 
 from jax.typing import ArrayLike
 from pydantic import Field, field_validator, model_validator
@@ -35,7 +36,7 @@ class FinalRatio(Sheet):
     unit: Annotated[str, one_of(RATIO_UNITS)] = Field(default="1", description="1 or %")
 
     @model_validator(mode="after")
-    def _a_ratio(self):
+    def _a_ratio(self) -> Self:
         if self.value * RATIO_UNITS[self.unit] > 1.0:
             raise ValueError(
                 f"final_ratio.value = {self.value:g}: must be at most 1, or 100 with unit = "
@@ -78,7 +79,7 @@ class SampleSheet(Sheet):
 
     @field_validator("bed_fraction")
     @classmethod
-    def _a_fraction(cls, bed_fraction):
+    def _a_fraction(cls, bed_fraction: float | str | None) -> float | str | None:
         if isinstance(bed_fraction, float) and not 0 < bed_fraction < 1:
             raise ValueError(f"bed_fraction = {bed_fraction:g}: must be between 0 and 1, about 0.6")
         return bed_fraction
@@ -92,7 +93,7 @@ class ExperimentSheet(Sheet):
     parameter: list[ParameterSheet] = Field(min_length=1, description="one [[parameter]] for each")
 
     @model_validator(mode="after")
-    def _consistent(self):
+    def _consistent(self) -> Self:
         names = [sample.name for sample in self.sample]
         for name in names:
             if names.count(name) > 1:
@@ -111,18 +112,18 @@ class ExperimentSheet(Sheet):
                 )
         taken = set()
         for parameter in self.parameter:
-            for sample in parameter.samples or names:
-                if sample not in names:
+            for name in parameter.samples or names:
+                if name not in names:
                     raise ValueError(
-                        f"parameter {parameter.name!r}: samples = {sample!r}: no such sample; "
+                        f"parameter {parameter.name!r}: samples = {name!r}: no such sample; "
                         f"known: {', '.join(names)}"
                     )
-                if (parameter.name, sample) in taken:
+                if (parameter.name, name) in taken:
                     raise ValueError(
-                        f"parameter.name = {parameter.name!r}: given twice for sample {sample!r}; "
+                        f"parameter.name = {parameter.name!r}: given twice for sample {name!r}; "
                         "keep one"
                     )
-                taken.add((parameter.name, sample))
+                taken.add((parameter.name, name))
         if all(parameter.value is not None for parameter in self.parameter):
             raise ValueError("every [[parameter]] is held at a value; give one a median to fit it")
         return self
@@ -132,10 +133,16 @@ class Measurement(NamedTuple):
     """One number with its uncertainty, both in `unit`, which is `si` in SI."""
 
     observable: str
+    """What was measured: `initial_velocity`, `final_ratio`, `viscosity_ratio`, or of a curve
+    `mudline` or `sedimentation_ratio`."""
     value: float
+    """In `unit`."""
     standard_deviation: float
+    """Of the value, in `unit`."""
     unit: str
+    """Its name, such as `mm/day`."""
     si: float
+    """The unit in SI."""
     place: int | None = None
     """Which point of the sample's curve this is."""
 
@@ -145,12 +152,15 @@ class Sample:
     """One suspension that was measured."""
 
     name: str
+    """As the experiment has it."""
     recipe: Recipe
+    """What the sample is made of."""
     height: float
     """Of the suspension when dispersed, m."""
     bed_fraction: float | Literal["particles"] | None
     """Of the coated particles in the bed at rest; "particles": as a simulated bed packs them."""
     measurements: tuple[Measurement, ...]
+    """All that was measured on it."""
     times: tuple[float, ...] = ()
     """Of the points of its curve, (T,) in s."""
 
@@ -160,8 +170,11 @@ class Experiment:
     """Samples, and the parameters that are fitted to them."""
 
     name: str
+    """As its file has it."""
     samples: tuple[Sample, ...]
+    """What was measured."""
     parameters: tuple[Fitted, ...]
+    """What is fitted, in the order of the values of a fit."""
     held: tuple[tuple[str, str, float], ...] = ()
     """Sample, name and value of what the experiment holds at another value than the recipe."""
 
@@ -171,6 +184,11 @@ class Experiment:
 
         Raises:
           InputError: the file, a value in it, a recipe or a curve it names cannot be used.
+
+        Example:
+          >>> experiment = calibrate.Experiment.load("fang2005")
+          >>> [one.label for one in experiment.parameters]
+          ['f_w', 'f_s', 'f_v', 'bed_fraction[A]', 'bed_fraction[B]']
         """
         table, path = sheets.read(source, "calibrate.experiments", "experiment")
         sheet = sheets.validated(ExperimentSheet, table, str(source))
@@ -207,8 +225,13 @@ class Experiment:
         """Names of what is fitted of a sample."""
         return tuple(one.name for one in self.parameters if sample.name in one.samples)
 
-    def suspension_of(self, sample: Sample, theta: dict[str, ArrayLike]) -> Suspension:
-        """The sample with the held and the fitted values, by variable, in their places."""
+    def suspension_of(self, sample: Sample, theta: Mapping[str, ArrayLike]) -> Suspension:
+        """The sample with the held and the fitted values in their places.
+
+        Args:
+          sample: one of the experiment's, or like one of them.
+          theta: the fitted values, by variable.
+        """
         held = {name: value for of, name, value in self.held if of == sample.name}
         changes = {
             one.name: one.value(theta[one.variable])

@@ -19,6 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 from jax import Array
+from jax.typing import ArrayLike
 from scipy.optimize import OptimizeResult, least_squares, minimize
 from tqdm import tqdm
 
@@ -81,17 +82,17 @@ class Fit:
     """Whether slopes jump at the optimum, so that the Jacobian here is that of one side."""
     model_runs: int
     """Evaluations of the residuals, each with their Jacobian or alone."""
+    everything: Callable[[ArrayLike, Any], Array]
+    """Residuals of measurements and priors, (M + K,), for logarithms of the values, (P,), and
+    `given`."""
+    linearised: Callable[[ArrayLike, Any], tuple[Array, Array]]
+    """Their Jacobian and they themselves, of the same; compiled."""
+    given: Any
+    """Data and priors, as both take them."""
     robust: float | None = None
     """Standard deviations beyond which residuals count linearly; those here are as they count."""
     other_optima: tuple[tuple[float, np.ndarray], ...] = ()
     """Where further starts ended otherwise: half the sum of squares and the values, (P,)."""
-    everything: Callable[[Array, Any], Array] | None = None
-    """Residuals of measurements and priors, (M + K,), for logarithms of the values, (P,), and
-    `given`."""
-    linearised: Callable[[Array, Any], tuple[Array, Array]] | None = None
-    """Their Jacobian and they themselves, of the same; compiled."""
-    given: Any = None
-    """Data and priors, as both take them."""
 
     @property
     def chi_squared(self) -> float:
@@ -143,6 +144,14 @@ def fit(
     Raises:
       ValueError: a start or prior that is not positive, or a prior for no parameter.
       InputError: a checkpoint of another fit.
+
+    Example:
+      >>> at = jnp.array([1.0, 2.0, 4.0])
+      >>> def residuals(theta):
+      ...     return (theta["slope"] * at - jnp.array([6.1, 12.0, 23.9])) / 0.1
+      >>> fit = calibrate.fit(residuals, {"slope": 1.0})
+      >>> fit.converged, fit.values.round(3)
+      (True, array([5.986]))
     """
     optimizer = optax.with_extra_args_support(optimizer or optax.adam(0.3))
     names = _names(start)
@@ -237,8 +246,8 @@ class _Given(NamedTuple):
 class _Compiled(NamedTuple):
     """The programs of a fit: of logarithms, (P,), and what is given."""
 
-    everything: Callable[[Array, _Given], Array]  # residuals and priors, (M + K,)
-    linearised: Callable[[Array, _Given], tuple[Array, Array]]  # Jacobian and residuals
+    everything: Callable[[ArrayLike, _Given], Array]  # residuals and priors, (M + K,)
+    linearised: Callable[[ArrayLike, _Given], tuple[Array, Array]]  # Jacobian and residuals
 
 
 @lru_cache(maxsize=16)
@@ -302,10 +311,10 @@ def _half_square(value: np.ndarray) -> float:
 def _remembered(work: Checkpoint, name: str, function: Callable) -> Callable:
     """A compiled function of logarithms, and of what is given, that keeps what it gave."""
 
-    def remembered(logs: np.ndarray, *given: _Given):
+    def remembered(logs: np.ndarray, *given: _Given) -> Any:
         called = f"{name}-{digest(logs)}"
         if (kept := work.kept(called)) is not None:
-            found = tuple(kept[0].values())
+            found = list(kept[0].values())
         else:
             found = jax.tree.leaves(function(logs, *given))
             work.keep(called, {str(place): array for place, array in enumerate(found)})
@@ -314,16 +323,26 @@ def _remembered(work: Checkpoint, name: str, function: Callable) -> Callable:
     return remembered
 
 
-def _search(compiled, asked, given, each, linear, optimizer, most_steps, progress):
+def _search(
+    compiled: _Compiled,
+    asked: _Compiled,
+    given: _Given,
+    each: np.ndarray,
+    linear: Callable,
+    optimizer: optax.GradientTransformationExtraArgs,
+    most_steps: int,
+    progress: bool,
+) -> tuple[np.ndarray, list[float], int]:
     """Optax over the logarithms, (S, P), until all are in a valley; they, best losses and runs."""
     state = jax.jit(jax.vmap(optimizer.init))(each)
-    losses, runs = [], 0
+    losses: list[float] = []
+    runs = 0
 
     def loss_of(logs: Array) -> Array:
         value = compiled.everything(logs, given)
         return 0.5 * value @ value
 
-    def updated(logs, state, value, jacobian):
+    def updated(logs: Array, state: Any, value: Array, jacobian: Array) -> tuple[Array, Any]:
         gradient = jacobian.T @ value
         change, state = optimizer.update(
             gradient, state, logs, value=0.5 * value @ value, grad=gradient, value_fn=loss_of
@@ -371,7 +390,7 @@ def _of_each(function: Callable, starts: int) -> Callable:
     """A compiled function over the leading axis of all that it takes and gives, as numpy arrays."""
     mapped = jax.jit(jax.vmap(function))
 
-    def of_each(*arguments):
+    def of_each(*arguments: Any) -> Any:
         if starts > 1:
             return jax.tree.map(np.asarray, mapped(*arguments))
         # One start is not mapped: a forward model may be slower that way.
@@ -390,7 +409,7 @@ class _End(NamedTuple):
     value: np.ndarray  # (M + K,)
 
 
-def _at(compiled, given, logs: np.ndarray) -> _End:
+def _at(compiled: _Compiled, given: _Given, logs: np.ndarray) -> _End:
     jacobian, value = map(np.asarray, compiled.linearised(logs, given))
     return _End(_half_square(value), logs, jacobian, value)
 
@@ -399,9 +418,12 @@ def _expects_nothing(end: _End) -> bool:
     return _gauss_newton(end.jacobian, end.value)[1] < CONVERGED_BELOW
 
 
-def _finish(compiled, given, logs, most_steps) -> tuple[_End, int]:
+def _finish(
+    compiled: _Compiled, given: _Given, logs: np.ndarray, most_steps: int
+) -> tuple[_End, int]:
     """Levenberg-Marquardt (scipy), tighter until converged; the end and the runs."""
-    runs, end = 1, _at(compiled, given, logs)
+    end = last = _at(compiled, given, logs)
+    runs = 1
     # MINPACK wants as many residuals as values.
     spare = np.zeros((max(0, logs.size - end.value.size), 1 + logs.size))
 
@@ -411,15 +433,21 @@ def _finish(compiled, given, logs, most_steps) -> tuple[_End, int]:
             runs, last = runs + 1, _at(compiled, given, logs.copy())
         return last
 
+    def residuals(logs: np.ndarray) -> np.ndarray:
+        return np.append(at(logs).value, spare[:, 0])
+
+    def jacobian(logs: np.ndarray) -> np.ndarray:
+        return np.vstack([at(logs).jacobian, spare[:, 1:]])
+
     # At the tighter one it may go on for long in the rounding of a fit that has long converged.
     for tolerance in (1e-6, 1e-9):
         if not _finite(end.jacobian, end.value):
             break
         last = end
         found = least_squares(
-            lambda logs: np.append(at(logs).value, spare[:, 0]),
+            residuals,
             end.logs,
-            lambda logs: np.vstack([at(logs).jacobian, spare[:, 1:]]),
+            jacobian,
             method="lm",
             ftol=tolerance,
             xtol=tolerance,
@@ -432,7 +460,7 @@ def _finish(compiled, given, logs, most_steps) -> tuple[_End, int]:
     return end, runs
 
 
-def _without_slopes(compiled, given, end: _End) -> tuple[_End, bool, int]:
+def _without_slopes(compiled: _Compiled, given: _Given, end: _End) -> tuple[_End, bool, int]:
     """Nelder & Mead's simplex (scipy) in standard errors, from where slopes led no further.
 
     Returns: the end; whether it is an optimum on a kink: a second simplex finds no better, slopes
@@ -440,11 +468,11 @@ def _without_slopes(compiled, given, end: _End) -> tuple[_End, bool, int]:
     """
     runs, agree = 0, False
     for number, size in enumerate((SIMPLEX, -SIMPLEX, SIMPLEX)):
-        found = _simplex(compiled, given, end, size)
+        found, logs = _simplex(compiled, given, end, size)
         agree = bool(number and found.success and 2.0 * end.loss - found.fun < FOUND_AGAIN_WITHIN)
-        end, more = _finish(compiled, given, found.logs, AGAIN)
+        end, more = _finish(compiled, given, logs, AGAIN)
         if not 2.0 * end.loss <= found.fun:
-            end = _at(compiled, given, found.logs)
+            end = _at(compiled, given, logs)
         runs += found.nfev + more + 1
         if _expects_nothing(end) or not _finite(end.jacobian):
             return end, False, runs
@@ -454,8 +482,10 @@ def _without_slopes(compiled, given, end: _End) -> tuple[_End, bool, int]:
     return end, agree and kink, runs + more
 
 
-def _simplex(compiled, given, end: _End, size: float) -> OptimizeResult:
-    """Of scipy, about the end, with the logarithms of its best point."""
+def _simplex(
+    compiled: _Compiled, given: _Given, end: _End, size: float
+) -> tuple[OptimizeResult, np.ndarray]:
+    """What scipy finds about the end, and the logarithms of its best point, (P,)."""
     to_logs = _standard_errors(end)
 
     def chi_squared(errors: np.ndarray) -> float:
@@ -464,10 +494,11 @@ def _simplex(compiled, given, end: _End, size: float) -> OptimizeResult:
 
     corners = size * np.vstack([np.zeros(to_logs.shape[1]), np.eye(to_logs.shape[1])])
     most = MOST_FOR_EACH * corners.shape[1]
-    options = dict(initial_simplex=corners, xatol=SIMPLEX_ENDS, fatol=SIMPLEX_ENDS**2, maxfev=most)
+    options: Any = dict(
+        initial_simplex=corners, xatol=SIMPLEX_ENDS, fatol=SIMPLEX_ENDS**2, maxfev=most
+    )
     found = minimize(chi_squared, corners[0], method="Nelder-Mead", options=options)
-    found.logs = end.logs + to_logs @ found.x
-    return found
+    return found, end.logs + to_logs @ found.x
 
 
 def _standard_errors(end: _End) -> np.ndarray:
@@ -477,7 +508,7 @@ def _standard_errors(end: _End) -> np.ndarray:
     return directions[seen].T / size[seen]
 
 
-def _jumps(compiled, given, end: _End) -> tuple[bool, int]:
+def _jumps(compiled: _Compiled, given: _Given, end: _End) -> tuple[bool, int]:
     """Whether slopes jump near an end: then they differ as much over shorter distances."""
     errors, changes = _standard_errors(end), []
     for step in ASIDE:
@@ -486,12 +517,19 @@ def _jumps(compiled, given, end: _End) -> tuple[bool, int]:
              for along in errors.T]
             for sign in (1.0, -1.0)
         ]  # fmt: skip
-        changes.append(float(np.abs(np.subtract(*sides)).max()))
+        after, before = map(np.array, sides)
+        changes.append(float(np.abs(after - before).max()))
     far, near = changes
     return near > 0.6 * far, 4 * errors.shape[1]
 
 
-def _trusted(compiled, given, logs, jacobian, value) -> np.ndarray | None:
+def _trusted(
+    compiled: _Compiled,
+    given: _Given,
+    logs: np.ndarray,
+    jacobian: np.ndarray,
+    value: np.ndarray,
+) -> np.ndarray | None:
     """Where a Gauss-Newton step leads that brings the decrease it promises, else None; one run."""
     step, gain = _gauss_newton(jacobian, value)
     ahead = _at(compiled, given, logs + step)
@@ -517,13 +555,18 @@ def _names(start: Any) -> tuple[str, ...]:
     return tuple(names)
 
 
-def _prior_arrays(names, priors):
+def _prior_arrays(
+    names: tuple[str, ...], priors: dict[str, LogNormal]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Medians and precisions, (P,) each."""
     median = np.array([priors[n].median if n in priors else 1.0 for n in names])
     spread = np.array([priors[n].log_standard_deviation if n in priors else np.inf for n in names])
     return median, spread**-2.0
 
 
-def _refuse_unusable(names, values, priors) -> None:
+def _refuse_unusable(
+    names: tuple[str, ...], values: np.ndarray, priors: dict[str, LogNormal]
+) -> None:
     for name, value in zip(names, values, strict=True):
         if not (np.isfinite(value) and value > 0):
             raise ValueError(f"start of {name} = {value}: must be a positive number")

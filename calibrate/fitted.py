@@ -5,6 +5,7 @@ is its own x. One between bounds a and b has the odds x = (value - a) / (b - val
 """
 
 from dataclasses import dataclass
+from typing import Self
 
 from jax import Array
 from jax.typing import ArrayLike
@@ -39,7 +40,7 @@ class ParameterSheet(Sheet):
     )
 
     @model_validator(mode="after")
-    def _one_way(self):
+    def _one_way(self) -> Self:
         at = f"parameter {self.name!r}"
         if (self.value is None) == (self.median is None):
             raise ValueError(
@@ -48,7 +49,7 @@ class ParameterSheet(Sheet):
         prior = (self.bounds, self.log_standard_deviation, self.standard_deviation)
         if self.value is not None and any(one is not None for one in prior):
             raise ValueError(f"{at}: value = {self.value:g} holds it; leave out prior and bounds")
-        if self.bounds is None:
+        if self.bounds is None or self.median is None:
             if self.standard_deviation is not None:
                 raise ValueError(
                     f"{at}: standard_deviation = {self.standard_deviation:g} is for a parameter "
@@ -68,7 +69,7 @@ class ParameterSheet(Sheet):
         return self
 
     @model_validator(mode="after")
-    def _a_fraction(self):
+    def _a_fraction(self) -> Self:
         ends = [one for one in (self.value, self.median, *(self.bounds or ())) if one is not None]
         if self.name == BED and not all(0 <= one <= 1 for one in ends):
             raise ValueError(
@@ -133,16 +134,20 @@ def fitted(sheet: ParameterSheet, names: list[str], once: bool = True) -> list[F
       names: of all samples.
       once: whether no other sheet has its name; else its samples are in the label.
     """
-    samples = tuple(sheet.samples or names)
-    bounds = tuple(sheet.bounds) if sheet.bounds else None
-    spread = sheet.log_standard_deviation
-    if bounds and sheet.standard_deviation is not None:
-        lower, upper = bounds
-        # d ln x = d value (b - a) / ((value - a) (b - value))
-        left, right = sheet.median - lower, upper - sheet.median
-        spread = sheet.standard_deviation * (upper - lower) / (left * right)
-    of = (sheet.median, spread, bounds)
+    if sheet.median is None:
+        raise ValueError(f"{sheet.name} is held at {sheet.value}: there is nothing to fit")
+    samples, median = tuple(sheet.samples or names), sheet.median
+    spread, bounds = sheet.log_standard_deviation, None
+    if sheet.bounds:
+        lower, upper = bounds = (sheet.bounds[0], sheet.bounds[1])
+        if sheet.standard_deviation is not None:
+            # d ln x = d value (b - a) / ((value - a) (b - value))
+            left, right = median - lower, upper - median
+            spread = sheet.standard_deviation * (upper - lower) / (left * right)
     if not sheet.per_sample:
         label = sheet.name if once else f"{sheet.name}[{', '.join(samples)}]"
-        return [Fitted(label, sheet.name, samples, *of)]
-    return [Fitted(f"{sheet.name}[{one}]", sheet.name, (one,), *of) for one in samples]
+        return [Fitted(label, sheet.name, samples, median, spread, bounds)]
+    return [
+        Fitted(f"{sheet.name}[{one}]", sheet.name, (one,), median, spread, bounds)
+        for one in samples
+    ]

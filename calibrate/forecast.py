@@ -8,10 +8,12 @@ depends on it as open.
 from collections import OrderedDict
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import Array
 
 from calibrate.calibration import calibrated
 from calibrate.data import Experiment, Measurement, Sample
@@ -68,10 +70,10 @@ def forecast(
     names = list(experiment.start)
     start = OrderedDict(zip(names, np.exp(logs), strict=True))
     near = experiment.suspension_of(sample, start)
-    kept = checkpoint and Path(checkpoint)
+    kept = Path(checkpoint) if checkpoint else None
     predict = forward_model(model)(sample, near, seed, experiment.varied(sample), kept)
 
-    def predicted(logs):
+    def predicted(logs: Array) -> Array:
         theta = OrderedDict(zip(names, jnp.exp(logs), strict=True))
         return jnp.stack(as_measured(sample, predict(experiment.suspension_of(sample, theta))))
 
@@ -95,7 +97,7 @@ def leave_one_out(
     model: str | ForwardModelMaker,
     seed: int = 0,
     checkpoint: str | Path | None = None,
-    **options,
+    **options: Any,
 ) -> list[Forecast]:
     """Every sample, predicted from a fit to all others.
 
@@ -184,7 +186,7 @@ def like(experiment: Experiment, recipe: Recipe, name: str) -> tuple[Experiment,
         for one in experiment.parameters
     )
     held = experiment.held + tuple(
-        (sample.name, *rest) for of, *rest in experiment.held if of == name
+        (sample.name, what, value) for of, what, value in experiment.held if of == name
     )
     return replace(experiment, parameters=applies, held=held), sample
 
@@ -194,7 +196,8 @@ def _refuse_another_meaning(name: str, recipe: Recipe, fitted: Recipe) -> None:
         refuse_unknown(name, recipe)
     except InputError as error:
         raise InputError(f"{name} was fitted, but for {recipe.name}: {error}") from None
-    if name.startswith(CLOSURE) and recipe.closure.func is not fitted.closure.func:
+    of = [None if one.closure is None else one.closure.func for one in (recipe, fitted)]
+    if name.startswith(CLOSURE) and of[0] is not of[1]:
         raise InputError(
             f"{name} was fitted in the closure of {fitted.name}; {recipe.name} has another, in "
             "which it means something else: give it the same [drag] f_w"

@@ -28,8 +28,11 @@ class Combination:
     """A product of powers of the fitted values."""
 
     expression: str
+    """In words, such as `f_w * f_s`."""
     exponents: dict[str, float]
+    """Of the values that occur in it, by name."""
     value: float
+    """At the end of the fit."""
     standard_error: float
     """From the measurements alone."""
 
@@ -51,7 +54,15 @@ class Identification:
 
 
 def identify(fit: Fit) -> Identification:
-    """Reads off a fit what its data determine."""
+    """Reads off a fit what its data determine.
+
+    Example:
+      >>> def residuals(theta):
+      ...     return (theta["a"] * theta["b"] - jnp.array([5.9, 6.1])) / 0.1
+      >>> found = calibrate.identify(calibrate.fit(residuals, {"a": 1.0, "b": 1.0}))
+      >>> [one.expression for one in found.combinations], found.null_directions
+      (['a * b'], ('a / b',))
+    """
     jacobian, values = fit.jacobian, fit.values
     _, singular, rows = np.linalg.svd(jacobian, full_matrices=True)
     rank = int(np.sum(singular > RANK_TOLERANCE * max(singular[0], np.finfo(float).tiny)))

@@ -112,7 +112,8 @@ def profiles_figure(problem: Problem, profiles: tuple[Profile, ...]) -> Figure:
         # Between its points a profile is a parabola: its root is straight.
         away = np.sign(np.linspace(-1.0, 1.0, len(profile.values)))
         root = away * np.sqrt(np.maximum(profile.increase, 0.0))
-        logs = np.linspace(*np.log(profile.values[[0, -1]]), 200)
+        first, last = np.log(profile.values[[0, -1]])
+        logs = np.linspace(first, last, 200)
         increase = np.interp(logs, np.log(profile.values), root) ** 2
         axes.plot([one.value(x) for x in np.exp(logs)], increase, color="black")
         for coverage, level in LEVELS.items():

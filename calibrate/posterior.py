@@ -7,6 +7,7 @@ is a long ridge: the mass matrix is dense, and begins as the curvature at the op
 import importlib.util
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -92,7 +93,7 @@ def posterior(
         (state, tuned), _ = adaptation.run(adapting, position, num_steps=WARM_UP)
         kernel = blackjax.nuts(log_density, **tuned)
 
-        def step(state, key):
+        def step(state: Any, key: Array) -> tuple[Any, tuple[Array, Array]]:
             state, info = kernel.step(key, state)
             return state, (state.position, info.is_divergent)
 

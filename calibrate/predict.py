@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.typing import ArrayLike
 
 import mrjax
 from calibrate.data import Sample
@@ -100,7 +101,7 @@ def column(
       InputError: the volume fraction of the bed is not known, or particles are of several sizes.
     """
     bed = _bed(sample, near, seed, varied, checkpoint)
-    steps = None
+    steps = 0
     if sample.times:
         if jnp.ndim(mrjax.terminal_velocity(near.parameters)):
             raise InputError(
@@ -147,9 +148,8 @@ def particles(
     falling = mrjax.terminal_velocity(parameters)
     travel = MARGIN * float(falling.max()) * duration
     radius = np.asarray(particle.outer_radius(parameters))
-    apart = not checks.may_touch(
-        np.asarray(state.position), radius, recipe.box, 2 * travel, state.contact_diameter
-    )
+    reach = state.contact_diameter or 2.0 * float(radius.max())
+    apart = not checks.may_touch(np.asarray(state.position), radius, recipe.box, 2 * travel, reach)
     times = jnp.asarray(sample.times, float)
     if sample.times and near.bed_fraction is not None:
         raise InputError(
@@ -257,12 +257,12 @@ def _needs_a_bed(sample: Sample) -> bool:
     return any(one.observable in of_bed for one in sample.measurements)
 
 
-def _either(suspension: Suspension, bed: float | None) -> Array:
+def _either(suspension: Suspension, bed: float | None) -> Array | None:
     """What varies, or else what was simulated."""
     return suspension.bed_fraction if bed is None else jnp.asarray(bed, float)
 
 
-def _final_ratio(suspension: Suspension, bed: float | None) -> Array:
+def _final_ratio(suspension: Suspension, bed: float | None) -> ArrayLike:
     """phi_0 / phi_bed: all that was dispersed lies in the bed; 1."""
     fraction = _either(suspension, bed)
     return jnp.nan if fraction is None else suspension.volume_fraction / fraction

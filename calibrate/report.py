@@ -12,6 +12,7 @@ from markdown_it import MarkdownIt
 from matplotlib.figure import Figure
 
 from calibrate.fit import Fit, pseudo_huber
+from calibrate.fitted import Fitted
 from calibrate.forecast import Forecast
 from calibrate.identify import Identification, covariance, expression, information
 from calibrate.plots import spelled
@@ -19,7 +20,7 @@ from calibrate.posterior import Posterior
 from calibrate.profile import LEVELS, Profile
 from calibrate.residuals import Problem
 from calibrate.units import CURVES, TIME_UNITS
-from mrjax import files
+from mrjax import Parameters, files, terminal_velocity, validity
 
 LARGEST_CHI_SQUARED = 4.0
 """Of a degree of freedom, two standard deviations each: beyond it a fit is called a misfit."""
@@ -59,6 +60,10 @@ def summary(
     labels = {one.variable: one.label for one in problem.experiment.parameters}
     alone = [name for name in fit.names if not found.determined[name]]
     bounded = [name for name in alone if np.isfinite(found.standard_errors[name])]
+    validity_of = {
+        sample.name: _validity(problem.experiment.suspension_of(sample, fit.theta).parameters)
+        for sample in problem.experiment.samples
+    }
     return {
         "converged": fit.converged,
         "on_a_kink": fit.on_a_kink,
@@ -76,6 +81,15 @@ def summary(
         "carried_by_priors_alone": [labels[name] for name in bounded],
         "undetermined": [labels[name] for name in alone if name not in bounded],
         "predictions": _predictions(problem, fit, predicted),
+        "validity": {
+            name: {one.name: {"value": one.value, "holds": one.holds} for one in numbers}
+            for name, numbers in validity_of.items()
+        },
+        "warnings": [
+            f"sample {name}: {warning}"
+            for name, numbers in validity_of.items()
+            for warning in validity.warnings(numbers)
+        ],
         "notes": [
             f"sample {sample.name}: {note}"
             for sample in problem.experiment.samples
@@ -102,6 +116,11 @@ def summary(
             "divergences": samples.divergences,
         },
     }
+
+
+def _validity(parameters: Parameters) -> tuple[validity.Number, ...]:
+    """Of a suspension that falls as fitted."""
+    return validity.numbers(parameters, terminal_velocity(parameters))
 
 
 def _parameters(
@@ -143,9 +162,9 @@ def _parameters(
     return table
 
 
-def _at_end(one, x: float) -> float:
+def _at_end(one: Fitted, x: float) -> float:
     if np.isfinite(x):
-        return one.value(x)
+        return float(one.value(x))
     return one.bounds[1] if one.bounds else np.inf
 
 
@@ -155,9 +174,9 @@ def _predictions(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[dict
     exponents = fit.jacobian * (spreads / predicted)[:, None]
     known, _ = covariance(information(fit))
     slopes = fit.jacobian
-    if fit.robust is not None:  # back from how residuals count to what they are
+    if (longest := fit.robust) is not None:  # back from how residuals count to what they are
         of = jnp.asarray((predicted - problem.measured) / spreads)
-        counts = jax.vmap(jax.grad(lambda one: pseudo_huber(one, fit.robust)))(of)
+        counts = jax.vmap(jax.grad(lambda one: pseudo_huber(one, longest)))(of)
         slopes = slopes / np.asarray(counts)[:, None]
     errors = spreads * np.sqrt(np.einsum("mp,pq,mq->m", slopes, known, slopes))
     return [
@@ -269,6 +288,15 @@ def markdown(name: str, model: str, result: dict[str, Any], figures: dict[str, F
             for label, one in result["parameters"].items()
         ),
     )
+    numbers = files.markdown_table(
+        ["sample", "number", "as fitted", "the model holds"],
+        (
+            [sample, name, f"{number['value']:.2g}", number["holds"]]
+            for sample, of_sample in result["validity"].items()
+            for name, number in of_sample.items()
+        ),
+    )
+    beyond = "".join(f"\n**Warning:** {warning}.\n" for warning in result["warnings"])
     notes = "".join(f"\nNote: {note}.\n" for note in result["notes"])
     words = "\n".join(line if line.startswith("-") else f"\n{line}" for line in in_words(result))
     return f"""# {name}, fitted with the {model} model
@@ -295,6 +323,9 @@ out, such as flocculation or a spread of sizes, is in it.
 
 {shown("profiles", "posterior")}
 {_of_samples(result["posterior"])}{_left_out(result.get("left_out", []))}{_new(result.get("new"))}
+## Where the model holds
+
+{numbers}{beyond}
 ## The search
 
 {shown("loss")}

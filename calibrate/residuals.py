@@ -30,7 +30,9 @@ class Problem:
     """An experiment with a forward model for each of its samples."""
 
     experiment: Experiment
+    """Samples and parameters."""
     models: tuple[ForwardModel, ...]
+    """One for each sample: from a `Suspension` to what should be measured on it, in SI units."""
     near: OrderedDict[str, float]
     """Values, by variable, near which the models are to be asked."""
     everywhere: bool
@@ -49,7 +51,7 @@ class Problem:
 
         Args:
           experiment: samples and parameters.
-          model: the name of a forward model, or one like those of `calibrate.predict`, such as
+          model: the name of a forward model, or one like those beside it, such as
             `partial(predict.column, cells=100)`.
           seed: of the random starts of particles.
           near: values, by variable, near which it will be asked; left out, the medians.
@@ -57,6 +59,12 @@ class Problem:
 
         Raises:
           InputError: no such model, or a suspension that cannot be made.
+
+        Example:
+          >>> experiment = calibrate.Experiment.load("fang2005")
+          >>> problem = calibrate.Problem.prepare(experiment, "closed-form")
+          >>> problem.predict(problem.start).round(2)  # mm/day and %, of both samples
+          Array([ 9.12, 67.44,  4.9 , 83.28], dtype=float64)
         """
         make = forward_model(model)
         near = OrderedDict(experiment.start if near is None else near)
@@ -68,7 +76,7 @@ class Problem:
                     experiment.suspension_of(sample, near),
                     seed,
                     experiment.varied(sample),
-                    checkpoint and Path(checkpoint) / f"bed-{number}",
+                    Path(checkpoint) / f"bed-{number}" if checkpoint else None,
                 )
                 for number, sample in enumerate(experiment.samples)
             ),

@@ -1,6 +1,7 @@
 """What a forward model is told of a sample: its recipe with the fitted values in their places."""
 
 import inspect
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
 import jax
@@ -34,7 +35,7 @@ class Suspension:
 
 
 def suspension(
-    recipe: Recipe, bed_fraction: ArrayLike | None, changes: dict[str, ArrayLike]
+    recipe: Recipe, bed_fraction: ArrayLike | None, changes: Mapping[str, ArrayLike]
 ) -> Suspension:
     """A recipe with some quantities changed.
 
@@ -84,8 +85,8 @@ def refuse_unknown(name: str, recipe: Recipe) -> None:
             raise InputError(f"its closure has no such coefficient; known: {', '.join(known)}")
         return
     if name not in LEAVES:
-        known = ", ".join([*LEAVES, BED, *_coefficients(recipe)])
-        raise InputError(f"no such quantity; known: {known}")
+        names = ", ".join([*LEAVES, BED, *_coefficients(recipe)])
+        raise InputError(f"no such quantity; known: {names}")
     if jnp.ndim(getattr(recipe.parameters(), name)):
         raise InputError(
             f"the recipe {recipe.name} has more than one value of it, for sizes or surfaces; fit "

@@ -4,12 +4,17 @@ import time
 from contextlib import nullcontext
 from importlib import resources
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from mrjax import commands
 from mrjax.errors import InputError
 from mrjax.overlap import MOST_OVERLAP, OVERLAP
+
+if TYPE_CHECKING:
+    from mrjax.run import Run
+    from mrjax.sedimentation import Sedimentation
 
 STEADY_AFTER = 10.0
 """Relaxation times after which a velocity is steady to 5e-5."""
@@ -168,7 +173,7 @@ def simulate(
         numbers = validity.numbers(parameters, velocity)
         warnings = validity.warnings(numbers)
         made_by = commands.made_by(sheet, seed, dtype)
-        summary = {
+        summary: dict[str, Any] = {
             "recipe": sheet.name,
             "settling_velocity_mm_per_day": mrjax.MM_PER_DAY * velocity,
             "closed_form_mm_per_day": mrjax.MM_PER_DAY * mrjax.terminal_velocity(parameters).mean(),
@@ -256,11 +261,12 @@ def simulate(
             f"%{spread} of the height; contacts softened to {summary['deepest_overlap_radii']:.2g} "
             f"radii, moduli by a factor of {summary['softening']:.2g}."
         )
+    click.echo(f"Numbers, and where the model holds: {validity.in_words(numbers)}.")
     click.echo(f"{run.steps} steps of {run.time_step:.3g} s on {jax.default_backend()}.")
     click.echo(f"Results: {folder}")
 
 
-def _columns(run) -> dict:
+def _columns(run: "Run") -> dict[str, Any]:
     """The curve of one run."""
     import mrjax
 
@@ -272,7 +278,7 @@ def _columns(run) -> dict:
     }
 
 
-def _curve(whole) -> dict:
+def _curve(whole: "Sedimentation") -> dict[str, Any]:
     """The curve of an ensemble: means, and the standard error of the ratio where there is one."""
     import mrjax
 
@@ -287,7 +293,7 @@ def _curve(whole) -> dict:
     return columns
 
 
-def _at_rest(whole) -> dict:
+def _at_rest(whole: "Sedimentation") -> dict[str, Any]:
     """What a run to rest adds to the summary."""
     import jax
 

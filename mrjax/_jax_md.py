@@ -16,7 +16,10 @@ def _load(*names: str) -> list[types.ModuleType]:
     if "jax_md" in sys.modules:
         return [importlib.import_module(f"jax_md.{name}") for name in names]
     package = types.ModuleType("jax_md")
-    package.__path__ = list(importlib.util.find_spec("jax_md").submodule_search_locations)
+    found = importlib.util.find_spec("jax_md")
+    if found is None:
+        raise ModuleNotFoundError("jax_md", name="jax_md")
+    package.__path__ = list(found.submodule_search_locations or ())
     sys.modules["jax_md"] = package
     try:
         return [importlib.import_module(f"jax_md.{name}") for name in names]

@@ -34,7 +34,7 @@ class Box:
     size: tuple[float, float, float]
     periodic: tuple[bool, bool, bool] = (False, False, False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not _three(self.size, Real) or not all(
             0 < length <= sys.float_info.max for length in self.size
         ):
@@ -64,15 +64,16 @@ class Box:
 
     def scaled(self, factor: float) -> "Box":
         """The same box with every length multiplied by `factor`."""
-        return Box(tuple(length * factor for length in self.size), self.periodic)
+        x, y, z = self.size
+        return Box((x * factor, y * factor, z * factor), self.periodic)
 
     def space(self) -> tuple[Callable, Callable]:
         """jax-md's pair of functions for this box, both on positions (..., 3) in m.
 
         Returns:
-          displacement(first, second): vector from `second` to `first`, to the nearest image on
-            periodic axes.
-          shift(position, change): the moved position, wrapped into the box on periodic axes.
+          displacement(first, second), the vector from `second` to `first`, to the nearest image on
+          periodic axes; and shift(position, change), the moved position, wrapped into the box on
+          periodic axes.
         """
         from mrjax._jax_md import space
 
@@ -81,14 +82,14 @@ class Box:
         def on_periodic_axes(wrapped: Array, plain: Array) -> Array:
             return jnp.where(jnp.broadcast_to(periodic, plain.shape), wrapped, plain)
 
-        def displacement(first: Array, second: Array, **_) -> Array:
+        def displacement(first: Array, second: Array, **_: object) -> Array:
             plain = first - second
             if not any(self.periodic):
                 return plain
             with permissive():
                 return on_periodic_axes(space.periodic_displacement(_side(plain), plain), plain)
 
-        def shift(position: Array, change: Array, **_) -> Array:
+        def shift(position: Array, change: Array, **_: object) -> Array:
             with permissive():
                 wrapped = space.periodic_shift(_side(position), position, change)
             return on_periodic_axes(wrapped, position + change)

@@ -39,9 +39,9 @@ def _evaluated(closed: ClosedJaxpr, *arguments: np.ndarray) -> list[np.ndarray]:
     values = dict(zip(jaxpr.constvars, map(np.asarray, closed.consts), strict=True))
     values |= zip(jaxpr.invars, arguments, strict=True)
 
-    def value(variable) -> np.ndarray:
+    def value(variable: Any) -> np.ndarray:
         if isinstance(variable, Literal):
-            return np.asarray(variable.val, variable.aval.dtype)
+            return np.asarray(variable.val, variable.aval.dtype)  # type: ignore[attr-defined] # an array
         return values[variable]
 
     for equation in jaxpr.eqns:

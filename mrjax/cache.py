@@ -21,11 +21,11 @@ def keep() -> None:
     It may also say where. A folder that cannot be written to is no fault: programs are then
     compiled at every start.
     """
-    if not jax.config.jax_enable_compilation_cache:
+    if not jax.config.jax_enable_compilation_cache:  # type: ignore[attr-defined] # made at run time
         return
     # Most programs are small, and many.
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-    if jax.config.jax_compilation_cache_dir:
+    if jax.config.jax_compilation_cache_dir:  # type: ignore[attr-defined] # likewise
         return
     folder = platformdirs.user_cache_path("mrjax", appauthor=False) / machine()
     try:

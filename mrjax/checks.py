@@ -99,7 +99,9 @@ def _table(leaf: ArrayLike, name: str, materials: int | None, one: bool) -> None
             f"each material and a last one for the walls{wanted}"
         )
     values = concrete(leaf)
-    for i, j in [] if values is None else np.argwhere(values != values.T):
+    if values is None:
+        return
+    for i, j in np.argwhere(values != values.T):
         raise InputError(
             f"{name}[{i}, {j}] = {values[i, j]:g} and {name}[{j}, {i}] = {values[j, i]:g}: the "
             "same two materials; give a symmetric table"
@@ -178,7 +180,7 @@ def may_touch(
     from scipy.spatial import KDTree  # a third of a second, which most calls need not spend
 
     tree = KDTree(wrapped, boxsize=side)
-    distance, partner = tree.query(wrapped, k=2)
+    distance, partner = map(np.asarray, tree.query(wrapped, k=2))
     if np.any(distance[:, 1] - radius - radius[partner[:, 1]] <= travel):
         return True
     # Of unequal spheres the nearest need not be the first to touch; here few others are in reach.

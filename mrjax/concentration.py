@@ -113,11 +113,13 @@ def bed_front(
     h; from there to one diameter it is led over linearly. The floor counts as bed, so that the
     front rises from 0, where it stays while even the lowest slab is too thin.
 
+    A bed no denser than half-way between the suspension and a phi_bed that is too high is not
+    found.
+
     Args:
       run: at least one frame, in a box with a floor.
       bed_fraction: phi_bed, volume fraction of the packed bed; 1, (). As this run packs it, such as
-        the concentration in a last frame at rest: a bed no denser than half-way between the
-        suspension and a phi_bed that is too high is not found.
+        the concentration in a last frame at rest.
       initial_fraction: phi_initial, of the dispersed suspension; 1, (). Left out, that of all
         particles in the box, which the suspension filled.
 

@@ -66,14 +66,14 @@ def damping_ratio(restitution: ArrayLike) -> Array:
     """
     loss = -jnp.log(restitution)
 
-    def newton(_, ratio: Array) -> Array:
+    def newton(_: int, ratio: Array) -> Array:
         return ratio + (loss - 2.0 * ratio * _angle_over_sine(ratio)) / _loss_slope(ratio)
 
     return jax.lax.fori_loop(0, _NEWTON_STEPS, newton, loss / jnp.sqrt(jnp.pi**2 + loss**2))
 
 
 @damping_ratio.defjvp
-def _damping_ratio_jvp(primals, tangents):
+def _damping_ratio_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
     (restitution,), (change,) = primals, tangents
     ratio = damping_ratio(restitution)
     return ratio, -change / (restitution * _loss_slope(ratio))

@@ -43,6 +43,11 @@ def disperse(recipe: Recipe, seed: int = 0, *, dtype: DTypeLike = float) -> Stat
 
     Raises:
       InputError: the particles cannot be placed in the box without overlap.
+
+    Example:
+      >>> state = mrjax.disperse(mrjax.Recipe.load("case2"), seed=0)
+      >>> state.position.shape
+      (314, 3)
     """
     parameters = recipe.parameters()
     particles = recipe.particle_count

@@ -25,7 +25,10 @@ HABERMAN_SAYRE_LIMIT = 0.8
 
 
 def coefficient(parameters: Parameters) -> Array:
-    """Eq. 24: gamma = 6 pi f_w f_s f_v f_r mu R, drag force over speed; N s/m, () or (N,)."""
+    """Eq. 24: gamma = 6 pi f_w f_s f_v f_r mu R, drag force over speed; N s/m, () or (N,).
+
+    Eqs. 10 and 18 are the same with factors of 1.
+    """
     corrections = parameters.f_w * parameters.f_s
     return 6.0 * jnp.pi * corrections * carrier_viscosity(parameters) * outer_radius(parameters)
 
@@ -52,7 +55,7 @@ def diameter_ratio(volume_fraction: ArrayLike) -> Array:
     return 1.0 / (jnp.cbrt(4.0 * jnp.pi / (3.0 * volume_fraction)) - 1.0)
 
 
-def volume_fraction_at(ratio: float) -> float:
+def volume_fraction_at(ratio: ArrayLike) -> ArrayLike:
     """Eq. 15 solved for the volume fraction; 1."""
     return 4.0 * math.pi / (3.0 * (1.0 + 1.0 / ratio) ** 3)
 
@@ -78,6 +81,10 @@ def son2018(
 
     The cap is reached at lambda = 0.758, a volume fraction of 0.336: there and above the
     derivative with respect to the volume fraction, a and b is zero.
+
+    Example:
+      >>> float(mrjax.drag.son2018(0.337))
+      48.985
     """
     return jnp.minimum(cap, son2018_uncapped(volume_fraction, coefficient, exponent))
 

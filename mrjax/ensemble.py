@@ -7,7 +7,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import lax
+from jax import Array, lax
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 from mrjax.errors import InputError
@@ -35,6 +35,10 @@ def ensemble(function: Callable[[Any], Any], members: Any) -> Any:
 
     Raises:
       InputError: members that differ in number, or none.
+
+    Example:
+      >>> mrjax.ensemble(lambda member: member**2, jnp.arange(3.0))
+      Array([0., 1., 4.], dtype=float64)
     """
     counts = {np.shape(leaf)[:1] for leaf in jax.tree.leaves(members)}
     if len(counts) != 1 or counts & {(), (0,)}:
@@ -49,7 +53,7 @@ def _everywhere(function: Callable, mesh: Mesh, members: Any) -> Any:
     count = len(jax.tree.leaves(members)[0])
     missing = -count % mesh.size  # the last one, again and again
 
-    def filled(leaf):
+    def filled(leaf: Array) -> Array:
         return jnp.concatenate([leaf, jnp.repeat(leaf[-1:], missing, axis=0)])
 
     axis = PartitionSpec("members")

@@ -101,7 +101,8 @@ def write_npz(path: Path, arrays: Mapping[str, ArrayLike], metadata: Mapping[str
             raise TypeError(f"{name}: an array of objects, or the name of the metadata")
     text = json.dumps(plain(metadata))
     with replacing(path) as scratch:
-        np.savez(scratch, **numbers, **{METADATA: np.asarray(text)})
+        kept: dict[str, Any] = {**numbers, METADATA: np.asarray(text)}
+        np.savez(scratch, **kept)
 
 
 def read_npz(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:

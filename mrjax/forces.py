@@ -1,6 +1,7 @@
-"""The sum of forces and torques on every particle, all but the drag (Son 2018, Eqs. 2 and 19).
+"""The sum of forces and torques on every particle, all but the drag (Son 2018, Eqs. 1, 2 and 19).
 
-The drag is linear in velocity and spin, and integrated exactly by the leapfrog. Arrays are kept
+Of Eq. 1 the magnetic and the weak forces are left out, as in the paper. The drag is linear in
+velocity and spin, and integrated exactly by the leapfrog. Arrays are kept
 apart by component, (P,) for the P possible contacts, each once.
 """
 
@@ -9,6 +10,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array, lax
 from jax.core import Tracer
 
@@ -35,7 +37,7 @@ def laws(parameters: Parameters) -> Laws:
     """Those whose coefficient is not known to be zero, or whose derivative may be wanted."""
 
     def acts(coefficient: Array, idle: float = 0.0) -> bool:
-        return isinstance(coefficient, Tracer) or bool((concrete(coefficient) != idle).any())
+        return isinstance(coefficient, Tracer) or bool(np.any(concrete(coefficient) != idle))
 
     return Laws(
         sliding=acts(parameters.friction),
@@ -132,8 +134,8 @@ def total(
             )
             left = iter(kept)
             force = pull + force
-            torque = torque[0] if torque else jnp.zeros_like(force)
-            return Loads(force, torque, remembered(left), next(left))
+            turning = torque[0] if torque else jnp.zeros_like(force)
+            return Loads(force, turning, remembered(left), next(left))
 
         return loads
 
@@ -238,7 +240,7 @@ def _contact(
     force, torque, slid, rolled = times(push, normal), None, memory.sliding, memory.rolling
     turn, twist = times(time_step, meeting.turning), time_step * meeting.twisting
     touching = _time_in_contact(meeting, time_step)
-    if laws.sliding:
+    if slid is not None:
         stretch = plus(history.turned(slid, normal, turn, twist), touching, meeting.slip)
         grip, slid = friction.tangential_force(
             stretch,
@@ -256,7 +258,7 @@ def _contact(
         force = plus(force, 1.0, grip)
         lever = cross(normal, grip)
         torque = times(-meeting.arm, lever), times(-meeting.their_arm, lever)
-    if laws.rolling:
+    if rolled is not None:
         roll = plus(history.turned(rolled, normal, turn, twist), touching, meeting.rolling)
         resistance, rolled = rolling.rolling_torque(
             roll,

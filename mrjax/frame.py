@@ -90,7 +90,7 @@ def _minor_version() -> int:
     header = Path(jax.ffi.include_dir()) / "xla" / "ffi" / "api" / "c_api.h"
     text = header.read_text()
     version = {
-        part: int(re.search(rf"#define XLA_FFI_API_{part} (\d+)", text)[1])
+        part: int(re.findall(rf"#define XLA_FFI_API_{part} (\d+)", text)[0])
         for part in ("MAJOR", "MINOR")
     }
     if version["MAJOR"] != MAJOR_VERSION:

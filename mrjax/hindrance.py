@@ -9,12 +9,13 @@ from collections.abc import Callable
 
 import jax.numpy as jnp
 from jax import Array, lax
+from jax.typing import ArrayLike
 
 from mrjax import particle
 from mrjax.box import Box
 from mrjax.parameters import Parameters, per_particle
 
-Hindrance = Callable[[Array], Array]
+Hindrance = Callable[[ArrayLike], Array]
 """f_w for volume fractions: a closure of `mrjax.drag`, its coefficients bound by
 `jax.tree_util.Partial` so that they can be traced."""
 

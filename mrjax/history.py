@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
+from jax.typing import DTypeLike
 
 from mrjax.vectors import Vector, cross, dot, plus, times
 
@@ -84,8 +85,9 @@ def noted(memory: Memory, listed: "Pairs") -> Notes:
     def both(vector: Vector | None) -> Vector | None:
         return None if vector is None else tuple(listed.seen(part, -part) for part in vector)
 
+    first, second = _ids(listed)
     return Notes(
-        listed.seen(*reversed(_ids(listed)), nothing=NOBODY),
+        listed.seen(second, first, nothing=NOBODY),
         both(memory.sliding),
         both(memory.rolling),
     )
@@ -117,11 +119,10 @@ def recalled(
       sliding, rolling: whether a law reads these.
       unit_length: of the memory, m.
     """
-    if contacts is None:
+    held = widened(contacts, slots)
+    if held is None:
         nobody = np.full((like.shape[0], slots), NOBODY, np.int32)  # filled without a program
-        contacts = Contacts(jnp.asarray(nobody), None, None)
-    else:
-        contacts = widened(contacts, slots)
+        held = Contacts(jnp.asarray(nobody), None, None)
 
     def vector(rows: Array | None, unit: float) -> Vector:
         if rows is None:
@@ -129,13 +130,15 @@ def recalled(
         return tuple(rows[..., axis].T / unit for axis in range(3))
 
     return Notes(
-        contacts.partner.T,
-        vector(contacts.sliding, unit_length) if sliding else None,
-        vector(contacts.rolling, 1.0) if rolling else None,
+        held.partner.T,
+        vector(held.sliding, unit_length) if sliding else None,
+        vector(held.rolling, 1.0) if rolling else None,
     )
 
 
-def blank(particles: int, slots: int, dtype, *, sliding: bool, rolling: bool) -> Contacts | None:
+def blank(
+    particles: int, slots: int, dtype: DTypeLike, *, sliding: bool, rolling: bool
+) -> Contacts | None:
     """Contacts with room for what a run will remember; None where it remembers nothing."""
     if not sliding and not rolling:
         return None

@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
+from typing import Any
 
 import numpy as np
 from jax.extend.core import ClosedJaxpr, Literal
@@ -17,6 +19,10 @@ TYPES = {
 }
 FREE = ("contract", "nsz", "arcp")
 """Liberties with rounding that XLA takes too: a b + c in one operation, reciprocals."""
+
+
+def _nth(of: Callable[[Any], ir.Value], atoms: list, place: int) -> ir.Value:
+    return of(atoms[place])
 
 
 def as_word(build: ir.IRBuilder, value: ir.Value) -> ir.Value:
@@ -64,7 +70,7 @@ def translated(
 
     def of(atom) -> ir.Value:
         if isinstance(atom, Literal):
-            return _constant(atom.val, atom.aval.dtype, lanes)
+            return _constant(atom.val, atom.aval.dtype, lanes)  # type: ignore[attr-defined] # an array
         if atom in arguments:
             return read(arguments[atom])
         return values[atom]
@@ -72,8 +78,7 @@ def translated(
     for equation in closed.jaxpr.eqns:
         inner = next((equation.params[k] for k in INNER if k in equation.params), None)
         if inner is not None:
-            given = equation.invars
-            results = translated(build, inner, lambda i, given=given: of(given[i]), lanes)
+            results = translated(build, inner, partial(_nth, of, equation.invars), lanes)
         else:
             given = [of(atom) for atom in equation.invars]
             results = [_operation(build, equation, given, lanes)]

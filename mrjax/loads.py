@@ -128,8 +128,8 @@ def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, Load
     of_each = jnp.broadcast_to(particle.outer_radius(reduced), (state.particles,))
     skin = plan.cutoff - 2.0 * jnp.max(of_each)
     while True:
-        found = neighbours.build(plan, scaled, position)
-        listed = pairs.listed(found, scaled, position.T, of_each, skin, plan.pairs)
+        around = neighbours.build(plan, scaled, position)
+        listed = pairs.listed(around, scaled, position.T, of_each, skin, plan.pairs)
         overflow = concrete(listed.overflow)
         if overflow is None or not overflow:
             break

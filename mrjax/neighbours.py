@@ -12,7 +12,9 @@ jax-md 0.2.29 needs care, and gets it here:
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -126,7 +128,7 @@ def build(plan: Plan, box: Box, position: Array) -> Neighbours:
     )
 
 
-def _search(plan: Plan, box: Box, displacement, position: Array) -> partition.NeighborList:
+def _search(plan: Plan, box: Box, displacement: Callable, position: Array) -> Any:
     size = np.array(box.size)
     three_cells = 3.001 * plan.cell
     grid = np.where(size <= three_cells, three_cells, size)

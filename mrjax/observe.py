@@ -112,6 +112,13 @@ def sedimentation_ratio(run: Run, height: str = "top") -> Array:
     Raises:
       InputError: there is no such height.
       SimulationError: the run is not to be trusted.
+
+    Example:
+      >>> recipe = mrjax.Recipe.load("case2")
+      >>> state = mrjax.disperse(recipe, seed=0)
+      >>> run = mrjax.simulate(state, recipe.parameters(), recipe.box, duration=3e-7)
+      >>> mrjax.sedimentation_ratio(run).round(1)  # nothing has settled yet
+      Array([1., 1.], dtype=float64)
     """
     if height not in HEIGHTS:
         raise InputError(f"height = {height!r} must be one of {', '.join(HEIGHTS)}")
@@ -161,7 +168,8 @@ def reynolds_number(velocity: ArrayLike, parameters: Parameters) -> Array:
     """Re = rho_f v 2 f_r R / (f_v mu) of a coated particle in the thickened fluid; 1.
 
     Args:
-      velocity: settling velocity, m/s.
+      velocity: settling velocity, m/s, () or (N,).
+      parameters: of the particles and the fluid.
     """
     diameter = 2.0 * particle.outer_radius(parameters)
     viscosity = drag.carrier_viscosity(parameters)

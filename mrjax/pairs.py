@@ -84,18 +84,19 @@ def listed(
     reach = lax.stop_gradient(radius[None, :] + radius[neighbours.partner] + skin)
     near = (x**2 + y**2 + z**2 < reach**2) & neighbours.present & (neighbours.partner > ids)
     walls = [(axis, end) for axis in box.walled_axes for end in (0, 1)]
-    partner, separation, near = [neighbours.partner], [neighbours.separation], [near]
+    partners, nears = [neighbours.partner], [near]
+    separations: list[Vector] = [neighbours.separation]
     for axis, end in walls:
         beyond = position[axis : axis + 1] - end * box.size[axis]
         nothing = jnp.zeros_like(beyond)
-        partner.append(jnp.full_like(ids, particles + 2 * axis + end))
-        separation.append(tuple(beyond if other == axis else nothing for other in range(3)))
-        near.append(abs(lax.stop_gradient(beyond)) < lax.stop_gradient(radius + skin)[None, :])
+        partners.append(jnp.full_like(ids, particles + 2 * axis + end))
+        separations.append(tuple(beyond if other == axis else nothing for other in range(3)))
+        nears.append(abs(lax.stop_gradient(beyond)) < lax.stop_gradient(radius + skin)[None, :])
     if not walls and not len(neighbours.partner):  # nothing to choose from, but no empty array
-        partner.append(ids)
-        separation.append((jnp.zeros_like(position[:1]),) * 3)
-        near.append(ids < 0)
-    partner, near = jnp.concatenate(partner), jnp.concatenate(near)
+        partners.append(ids)
+        separations.append((jnp.zeros_like(position[:1]),) * 3)
+        nears.append(ids < 0)
+    partner, near = jnp.concatenate(partners), jnp.concatenate(nears)
 
     # In the order of the particles, so that what is read together lies together.
     (chosen,) = jnp.nonzero(near.T.reshape(-1), size=room, fill_value=0)
@@ -103,7 +104,9 @@ def listed(
     first, slot = (index.astype(ids.dtype) for index in jnp.divmod(chosen, len(partner)))
     second = partner[slot, first]
     wall = second >= particles
-    separation = tuple(jnp.concatenate(part)[slot, first] for part in zip(*separation, strict=True))
+    separation = tuple(
+        jnp.concatenate(part)[slot, first] for part in zip(*separations, strict=True)
+    )
     too_many = jnp.where(jnp.sum(near) > room, PAIRS_DROPPED, 0).astype(jnp.int32)
     return Pairs(
         first,

@@ -109,7 +109,7 @@ def _comparison(
     return bars(
         {
             "Son (2018)": [row[case, quantity].printed for case in COMPARED],
-            "this work": [row[case, quantity].computed for case in COMPARED],
+            "this work": [float(row[case, quantity].computed or np.nan) for case in COMPARED],
             "Fang et al. (2005)": [row[case, f"{quantity}, measured"].printed for case in COMPARED],
         },
         [f"case {case[-1]}" for case in COMPARED],

@@ -9,6 +9,7 @@ import dataclasses
 import math
 import sys
 from dataclasses import dataclass, field
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -27,8 +28,8 @@ def _quantity(
     least: float = -math.inf,
     most: float = sys.float_info.max,
     pair: bool = False,
-    **keywords,
-):
+    **keywords: Any,
+) -> Any:
     """A leaf with its unit, its dimension in kg, m and s, and the values that have a meaning.
 
     `pair`: it belongs to two surfaces, not to one.
@@ -102,6 +103,11 @@ class Parameters:
 
         Raises:
           TypeError: a name that is not a parameter.
+
+        Example:
+          >>> parameters = mrjax.Recipe.load("case2").parameters()
+          >>> float(parameters.replace(f_w=1.0).f_w)
+          1.0
         """
         return dataclasses.replace(self, **changes)
 

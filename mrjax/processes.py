@@ -44,7 +44,7 @@ def join(address: str | None = None, count: int | None = None, number: int | Non
         ) from None
 
 
-def _try(address: str, number: int) -> None:
+def _try(address: str, number: int | None) -> None:
     """Listens or connects once: where JAX cannot, it crashes instead of raising."""
     host, _, port = address.rpartition(":")
     if not int(port) < 2**16:
@@ -86,7 +86,7 @@ def divided(work: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[
     if count == 1:
         return work(items)
     try:
-        done = work(items[jax.process_index() :: count])
+        done: list[R] | Exception = work(items[jax.process_index() :: count])
     except (InputError, SimulationError) as error:  # the others must not wait for it
         done = error
     shares = _of_all(done)

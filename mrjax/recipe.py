@@ -8,7 +8,7 @@ import difflib
 import inspect
 import math
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import jax
 import numpy as np
@@ -47,8 +47,7 @@ LEAST_FACTOR, LARGEST_FACTOR = 1e-6, 1e9
 
 
 def _above_zero(key: str, value: object, what: str = "a number") -> float:
-    number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not number or not 0 < value < math.inf:
+    if not isinstance(value, int | float) or isinstance(value, bool) or not 0 < value < math.inf:
         raise ValueError(f"{key} = {shown(value)}: must be {what} above zero, finite")
     if not sheets.SMALLEST <= value <= sheets.LARGEST:
         raise ValueError(f"{key} = {shown(value)}: must be {what} between 1e-30 and 1e30")
@@ -132,7 +131,7 @@ class Composition(Sheet):
     )
 
     @model_validator(mode="after")
-    def _whole(self):
+    def _whole(self) -> Self:
         total = self.particle + self.fluid + self.coating
         if abs(total - 1.0) > 1e-6:
             raise ValueError(
@@ -168,7 +167,7 @@ class Drag(Sheet):
 
     @field_validator("f_w", mode="before")
     @classmethod
-    def _a_closure_or_a_factor(cls, f_w):
+    def _a_closure_or_a_factor(cls, f_w: Any) -> float | str | dict[str, float | str]:
         names = ", ".join(drag.CLOSURES)
         if isinstance(f_w, int | float):
             return _above_zero("drag.f_w", f_w, f"a closure's name ({names}) or a number")
@@ -202,7 +201,7 @@ class Drag(Sheet):
 
     @field_validator("f_s", mode="before")
     @classmethod
-    def _a_factor_or_dimensions(cls, f_s):
+    def _a_factor_or_dimensions(cls, f_s: Any) -> float | list[float]:
         if isinstance(f_s, int | float):
             return _above_zero("drag.f_s", f_s, "[d_max, d_med, d_min] or a number")
         try:
@@ -262,6 +261,13 @@ def _box(table: Any) -> Box:
         raise ValueError(f"box.{error}") from None
 
 
+def _closure(f_w: str | dict[str, float | str]) -> Partial:
+    """A closure with the coefficients of a sheet."""
+    coefficients = {} if isinstance(f_w, str) else dict(f_w)
+    name = f_w if isinstance(f_w, str) else coefficients.pop("closure")
+    return Partial(drag.CLOSURES[str(name)], **coefficients)
+
+
 class Recipe(Sheet):
     """A suspension in a box, as written on a lab sheet; SI units, weight fractions.
 
@@ -292,6 +298,11 @@ class Recipe(Sheet):
 
         Raises:
           InputError: the file or a value in it cannot be used.
+
+        Example:
+          >>> recipe = mrjax.Recipe.load("case2")
+          >>> recipe.particle_count, round(recipe.volume_fraction, 4)
+          (314, 0.3372)
         """
         table, _ = sheets.read(source, "mrjax.recipes", "recipe")
         return sheets.validated(cls, table, str(source))
@@ -373,7 +384,7 @@ class Recipe(Sheet):
         if isinstance(self.drag.f_w, float):
             return self.drag.f_w
         with jax.ensure_compile_time_eval():  # a sheet holds numbers, also where jit is tracing
-            return float(by_numpy(self.closure, self.coated_volume_fraction))
+            return float(by_numpy(_closure(self.drag.f_w), self.coated_volume_fraction))
 
     @property
     def hindrance(self) -> Hindrance | None:
@@ -384,16 +395,14 @@ class Recipe(Sheet):
         return self.closure if self.drag.local else None
 
     @property
-    def closure(self) -> Hindrance | None:
+    def closure(self) -> Partial | None:
         """f_w for volume fractions, with the coefficients of the sheet; None where f_w is a number.
 
         A `jax.tree_util.Partial` of one of `mrjax.drag.CLOSURES`.
         """
         if isinstance(self.drag.f_w, float):
             return None
-        sheet = {"closure": self.drag.f_w} if isinstance(self.drag.f_w, str) else self.drag.f_w
-        coefficients = {key: value for key, value in sheet.items() if key != "closure"}
-        return Partial(drag.CLOSURES[sheet["closure"]], **coefficients)
+        return _closure(self.drag.f_w)
 
     @property
     def f_s(self) -> float:
@@ -465,7 +474,7 @@ class Recipe(Sheet):
             return parameters.astype(dtype)
 
     @model_validator(mode="after")
-    def _can_be_made(self):
+    def _can_be_made(self) -> Self:
         self._check_units()
         self._check_coating()
         self._check_settles()
@@ -475,7 +484,7 @@ class Recipe(Sheet):
         self._check_box()
         return self
 
-    def _check_units(self):
+    def _check_units(self) -> None:
         solids = {"particle": self.particle, "coating": self.coating, "wall": self.wall}
         materials = {name: table for name, table in solids.items() if table}
         for name, table in {**materials, "fluid": self.fluid}.items():
@@ -505,7 +514,7 @@ class Recipe(Sheet):
                 "um is 4e-6"
             )
 
-    def _check_coating(self):
+    def _check_coating(self) -> None:
         if self.radius_factor > 1 and self.composition.coating == 0:
             raise ValueError(
                 "composition.coating is missing or 0, though [coating] has radius_factor = "
@@ -517,7 +526,7 @@ class Recipe(Sheet):
                 "add one, or set the fraction to 0"
             )
 
-    def _check_packing(self):
+    def _check_packing(self) -> None:
         limit = RANDOM_CLOSE_PACKING
         if self.volume_fraction >= limit:
             made_of = self.composition
@@ -538,7 +547,7 @@ class Recipe(Sheet):
                 f"packing ({limit}); give less than {most:.3f}"
             )
 
-    def _check_settles(self):
+    def _check_settles(self) -> None:
         if self.apparent_density <= self.fluid.density:
             coated = " with their coating" if self.coating else ""
             raise ValueError(
@@ -547,7 +556,7 @@ class Recipe(Sheet):
                 "fluid or a denser particle"
             )
 
-    def _check_closure(self):
+    def _check_closure(self) -> None:
         sheet = self.drag.f_w
         name = sheet.get("closure") if isinstance(sheet, dict) else sheet
         if self.drag.local and (not isinstance(name, str) or name == "haberman-sayre"):
@@ -566,7 +575,7 @@ class Recipe(Sheet):
                 "another closure or a number"
             )
 
-    def _check_factors(self):
+    def _check_factors(self) -> None:
         factors = {"f_w": [self.f_w], "f_s": [self.f_s]}
         if self.hindrance:
             factors["f_w"].append(float(by_numpy(self.hindrance, DENSEST)))
@@ -578,7 +587,7 @@ class Recipe(Sheet):
                         f"{value:.3g}; give one between {LEAST_FACTOR:g} and {LARGEST_FACTOR:g}"
                     )
 
-    def _check_box(self):
+    def _check_box(self) -> None:
         count, size = self.particle_count, list(self.box.size)
         if count > MOST_PARTICLES:
             raise ValueError(

@@ -426,15 +426,19 @@ def _eq_14() -> Iterator[Row]:
 def _counted_fraction(recipe: Recipe) -> float:
     """Coated volume fraction of the whole number of particles in the box."""
     ratio = recipe.particle_count * recipe.coated_volume_fraction / recipe.volume_fraction
-    return ratio * 4 / 3 * np.pi * (recipe.particle.diameter / 2) ** 3 / recipe.box.volume
+    return ratio * 4 / 3 * np.pi * (recipe.diameters[0] / 2) ** 3 / recipe.box.volume
 
 
 def _regression() -> tuple[float, float]:
     """Eq. 14's coefficient and exponent: unweighted least squares of a lambda^b + 1."""
     ratio = np.array(list(HABERMAN_SAYRE_EXACT))
     exact = np.array(list(HABERMAN_SAYRE_EXACT.values()))
+
+    def off(guess: np.ndarray) -> np.ndarray:
+        return guess[0] * ratio ** guess[1] + 1.0 - exact
+
     found = least_squares(
-        lambda guess: guess[0] * ratio ** guess[1] + 1.0 - exact,
+        off,
         [300.0, 7.0],
         method="lm",
         xtol=1e-12,

@@ -48,7 +48,7 @@ def kept(folder: Path, resume: bool, quiet: bool, **work: Any) -> Iterator[Path]
         yield path
     except SimulationError as error:
         checkpoint.remove(path)
-        if error.state is None:
+        if error.state is None or error.time is None:
             raise
         state_file.save_state(folder / LAST_GOOD, error.state, error.time)
         raise SimulationError(

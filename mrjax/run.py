@@ -80,7 +80,7 @@ class Run:
     """Deepest overlap as a fraction of the thickness of a coating, (); 0 without one. The law of a
     homogeneous sphere of the coating's material holds while it is much smaller than 1."""
     fault: Array
-    """0, or the sum of the `Fault`s that were met, ()."""
+    """0, or the sum of every `Fault` that was met, ()."""
     box: Box = field(metadata={"static": True})
     """The container, which the dispersed suspension filled."""
     time_step: float = field(metadata={"static": True})

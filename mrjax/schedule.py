@@ -81,7 +81,9 @@ def contact_diameter(state: State, radius: np.ndarray, slack: float) -> float:
                 "place(..., contact_diameter=...) or a state from disperse"
             )
         return given
-    serves = given is not None and actual * (1 - slack) <= given and actual <= given * (1 + slack)
+    if given is None:
+        return actual
+    serves = actual * (1 - slack) <= given and actual <= given * (1 + slack)
     return given if serves else actual
 
 

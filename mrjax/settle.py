@@ -1,12 +1,12 @@
 """The whole sedimentation curve: a run, or an ensemble of runs, until the bed rests."""
 
-import itertools
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from threading import Event
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -83,8 +83,7 @@ def settle(
         carries the last good state.
     """
     rest = checks.positive(rest, "rest", "the falling speed")
-    several = not isinstance(states, State)
-    each = list(states) if several else [states]
+    each = [states] if isinstance(states, State) else list(states)
     if not each or len({state.particles for state in each}) > 1:
         raise InputError("states differ in their number of particles, or there are none")
     particles = each[0].particles
@@ -96,10 +95,11 @@ def settle(
     )
     if time_step is None:
         time_step = min(interval, expected.step(numbers, box, particles, falling, hindrance))
+    kept = None
     if checkpoint is not None:
         if jax.process_count() > 1:
             raise InputError("checkpoint: is kept by a single process; leave it out")
-        checkpoint = Checkpoint.of_work(
+        kept = Checkpoint.of_work(
             Path(checkpoint),
             parameters=parameters,
             box=box,
@@ -113,8 +113,9 @@ def settle(
             trajectory=trajectory,
             states=[state_file.arrays(state) for state in each],
         )
-        checkpoint.claim()  # before threads would do so at once
-    for tried in itertools.count():
+        kept.claim()  # before threads would do so at once
+    tried = 0
+    while True:
         setup = prepared(
             each[0],
             parameters,
@@ -129,12 +130,14 @@ def settle(
             trajectory=trajectory,
         )
         at = setup, (rest, falling), longest
-        kept = checkpoint, f"try-{tried}"
-        follow = partial(_until_rest, parameters, hindrance, box, *at, progress, *kept)
-        runs = processes.divided(partial(_side_by_side, follow), each)
-        if None not in runs:
-            return _stacked(runs) if several else runs[0]
+        attempt = f"try-{tried}"
+        follow = partial(_until_rest, parameters, hindrance, box, *at, progress, kept, attempt)
+        found = processes.divided(partial(_side_by_side, follow), each)
+        runs = [run for run in found if run is not None]
+        if len(runs) == len(found):
+            return runs[0] if isinstance(states, State) else _stacked(runs)
         time_step = SHORTER * setup.duration / setup.cuts.total
+        tried += 1
 
 
 def _numbers(parameters: Parameters, states: list[State]) -> tuple[Parameters, float]:
@@ -218,7 +221,7 @@ def _stacked(runs: list[Run]) -> Run:
     def alike(run: Run) -> Run:
         missing = len(longest.times) - len(run.times)
 
-        def lasting(rows: Array) -> Array:
+        def lasting(rows: Array) -> Any:
             return jnp.pad(rows, [(0, missing)] + [(0, 0)] * (rows.ndim - 1), mode="edge")
 
         return replace(

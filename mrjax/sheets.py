@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, field_validator
-from pydantic_core import PydanticCustomError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails, PydanticCustomError
 
 from mrjax.errors import LONGEST, InputError, shown
 
@@ -169,7 +170,7 @@ def _key(part: str | int) -> str:
     return str(part) if plain else shown(part)
 
 
-def _problem(fault: dict[str, Any]) -> str:
+def _problem(fault: ErrorDetails) -> str:
     match fault["type"]:
         case "model_type" | "dict_type" | "model_attributes_type":
             return "must be a table"
@@ -187,7 +188,7 @@ def _is_branch(part: Any) -> bool:
     return isinstance(part, str) and ("[" in part or part in {"float", "str", "int"})
 
 
-def _model_at(model: type[Sheet], path: list) -> type[Sheet] | None:
+def _model_at(model: type[BaseModel], path: list) -> type[BaseModel] | None:
     for part in path:
         field = model.model_fields.get(part) if isinstance(part, str) else None
         if field is None:
@@ -203,7 +204,7 @@ def _model_at(model: type[Sheet], path: list) -> type[Sheet] | None:
     return model
 
 
-def _field(model: type[Sheet], path: list):
+def _field(model: type[BaseModel], path: list) -> FieldInfo | None:
     names = [part for part in path if isinstance(part, str)]
     if not names:
         return None
@@ -211,6 +212,6 @@ def _field(model: type[Sheet], path: list):
     return owner.model_fields.get(names[-1]) if owner else None
 
 
-def _known_keys(model: type[Sheet], path: list) -> list[str]:
+def _known_keys(model: type[BaseModel], path: list) -> list[str]:
     owner = _model_at(model, path)
     return list(owner.model_fields) if owner else []

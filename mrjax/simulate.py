@@ -96,6 +96,13 @@ def simulate(
       InputError: an argument that cannot be used, a step that would be unstable, or a traced value
         where a concrete one is needed.
       SimulationError: the run is not to be trusted (plain calls).
+
+    Example:
+      >>> recipe = mrjax.Recipe.load("case2")
+      >>> state = mrjax.disperse(recipe, seed=0)
+      >>> run = mrjax.simulate(state, recipe.parameters(), recipe.box, duration=3e-7)
+      >>> print(f"{86400e3 * mrjax.settling_velocity(run):.3f} mm/day")
+      9.116 mm/day
     """
     setup = prepared(
         state,
@@ -118,8 +125,8 @@ def simulate(
             return run
         mended = setup.mended(run)
         if mended is None:
-            run.check()
-        setup = mended
+            run.check()  # raises
+        setup = mended  # type: ignore[assignment] # a fault that cannot be mended has raised
 
 
 @dataclass(frozen=True)
@@ -479,7 +486,8 @@ def _faults_of_motion(box: Box, end: Motion, deepest: Array, coating: Array) -> 
         (coating > 1.0, Fault.THROUGH_COATING),
         (~finite, Fault.NOT_FINITE),
     )
-    return sum(jnp.where(here, int(fault), 0) for here, fault in found).astype(jnp.int32)
+    faults = [jnp.where(here, int(fault), 0) for here, fault in found]
+    return sum(faults[1:], faults[0]).astype(jnp.int32)
 
 
 def _chosen_step(numbers: Parameters, touch: bool) -> float:

@@ -36,7 +36,7 @@ class Classes:
     fractions: tuple[float, ...] | None = None
     by: str = "number"
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         object.__setattr__(self, "values", _positive_list("values", self.values, "diameters in m"))
         refuse_tiny("values", min(self.values))
         if self.fractions is not None:
@@ -87,7 +87,7 @@ class LogNormal:
     geometric_standard_deviation: float
     by: str = "number"
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         spread = self.geometric_standard_deviation
         if not _is_positive(self.median):
             raise InputError(

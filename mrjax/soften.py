@@ -44,6 +44,13 @@ def softened(parameters: Parameters, box: Box, particles: int, overlap: float) -
 
     Raises:
       InputError: an overlap that is not between 0 and 0.1, or parameters that are traced.
+
+    Example:
+      >>> recipe = mrjax.Recipe.load("case2")
+      >>> stiff = recipe.parameters()
+      >>> soft = mrjax.softened(stiff, recipe.box, recipe.particle_count, overlap=0.025)
+      >>> print(f"{soft.elastic_modulus / stiff.elastic_modulus:.2g}")
+      3.2e-08
     """
     overlap = checks.positive(overlap, "overlap", "contact radii")
     if overlap > MOST_OVERLAP:

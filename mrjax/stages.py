@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -132,7 +133,9 @@ class Kept:
             return [], like
         arrays, metadata = last
         recorded = (self.checkpoint.kept(self._file(n)) for n in range(metadata["parts"]))
-        return [arrays for arrays, _ in recorded], state_file.with_arrays(like, arrays)
+        return [part[0] for part in recorded if part is not None], state_file.with_arrays(
+            like, arrays
+        )
 
     def keep(self, number: int, part: Run, state: State) -> None:
         """Adds a part, and the state from which to go on."""
@@ -232,13 +235,13 @@ def ready(state: State, box: Box, setup: Setup) -> State:
 def joined(parts: list[Run], setup: Setup) -> Run:
     """One run of parts that follow each other."""
 
-    def along(name: str) -> Array | Trajectory | None:
+    def along(name: str) -> Any:
         return jax.tree.map(
             lambda first, *others: jnp.concatenate([first, *(rows[1:] for rows in others)]),
             *(getattr(part, name) for part in parts),
         )
 
-    def deepest(name: str) -> Array:
+    def deepest(name: str) -> Any:
         return jnp.max(jnp.stack([getattr(part, name) for part in parts]))
 
     last, frames = parts[-1], len(parts) * setup.cuts.frames

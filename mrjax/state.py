@@ -60,6 +60,11 @@ def place(
 
     Raises:
       InputError: an array of another shape, or materials that are not whole numbers from 0.
+
+    Example:
+      >>> state = mrjax.place([[5e-3, 5e-3, 1e-3], [5e-3, 5e-3, 3e-3]], [[0, 0, 0], [0, 0, -0.1]])
+      >>> state.particles
+      2
     """
     if jnp.dtype(dtype) not in (jnp.float32, jnp.float64):
         raise InputError(f"dtype = {jnp.dtype(dtype)}: must be float32 or float64")

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
+from jax import Array
 
 from mrjax import files
 from mrjax.errors import InputError
@@ -65,7 +66,7 @@ def arrays(state: State) -> dict[str, np.ndarray]:
 def with_arrays(state: State, stored: dict[str, np.ndarray]) -> State:
     """The state with the arrays that `arrays` gave of another."""
 
-    def maybe(name: str):
+    def maybe(name: str) -> Array | None:
         return jnp.asarray(stored[name]) if name in stored else None
 
     contacts = None

@@ -14,6 +14,11 @@ def terminal_velocity(parameters: Parameters) -> Array:
 
     f_w, f_s and f_v enter only as a product. Infinite without drag, undefined
     with neither drag nor gravity.
+
+    Example:
+      >>> parameters = mrjax.Recipe.load("case1").parameters()
+      >>> print(f"{86400e3 * mrjax.terminal_velocity(parameters):.1f} mm/day")
+      491.2 mm/day
     """
     return jnp.divide(particle.net_weight(parameters), drag.coefficient(parameters))
 

@@ -62,7 +62,16 @@ def rise_time(parameters: Parameters) -> Array:
 
 
 def time_step(parameters: Parameters, refinement: ArrayLike = REFINEMENT) -> Array:
-    """Eq. 29: MIN(t_c, t_r) / h_t, which resolves every contact and the rise; s, ()."""
+    """Eq. 29: MIN(t_c, t_r) / h_t, which resolves every contact and the rise; s, ().
+
+    Args:
+      parameters: of particles, fluid and contact.
+      refinement: h_t, the time refinement factor; 1.
+
+    Example:
+      >>> print(f"{mrjax.time_step(mrjax.Recipe.load('case2').parameters()):.2g} s")
+      1e-10 s
+    """
     return jnp.minimum(rayleigh_time(parameters), rise_time(parameters)) / refinement
 
 
@@ -140,7 +149,15 @@ def _dashpots(parameters: Parameters, overlap: ArrayLike) -> tuple[Array, Array]
     return _largest(*impact), _largest(*shear)
 
 
-def _largest(law: Callable, modulus, radius, mass, overlap, dissipation, damping) -> Array:
+def _largest(
+    law: Callable,
+    modulus: Array,
+    radius: Array,
+    mass: Array,
+    overlap: ArrayLike,
+    dissipation: Array,
+    damping: Array,
+) -> Array:
     """The largest dashpot of every particle, () or (N,), over a table of pairs."""
     shape = jnp.broadcast_shapes(*map(jnp.shape, (modulus, radius, mass)))
     of_particle = (jnp.reshape(leaf, (-1, 1)) for leaf in (modulus, radius, mass))
@@ -157,8 +174,8 @@ def _pair(parameters: Parameters) -> tuple[Array, Array, Array, Array]:
     """Upper bounds on E*, G*, R* and m* of any contact: with a like particle or with the wall."""
     of_surface = (parameters.elastic_modulus, parameters.poisson_ratio)
     of_wall = (parameters.wall_elastic_modulus, parameters.wall_poisson_ratio)
-    stiffest = (
+    elastic, shear = (
         jnp.maximum(law(*of_surface, *of_surface), law(*of_surface, *of_wall))
         for law in (contact.effective_modulus, friction.effective_shear_modulus)
     )
-    return (*stiffest, particle.outer_radius(parameters), particle.inertia(parameters))
+    return (elastic, shear, particle.outer_radius(parameters), particle.inertia(parameters))

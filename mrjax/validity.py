@@ -35,6 +35,11 @@ class Number:
     """What the model leaves out on the other side."""
 
     @property
+    def holds(self) -> str:
+        """Where the model holds, in words."""
+        return f"{'below' if self.at_most else 'above'} {self.bound:g}"
+
+    @property
     def warning(self) -> str | None:
         """One line where the number is out of range."""
         if (self.value < self.bound) == self.at_most:
@@ -48,6 +53,11 @@ def warnings(of: Iterable[Number]) -> list[str]:
     return [one.warning for one in of if one.warning]
 
 
+def in_words(of: Iterable[Number]) -> str:
+    """The numbers, and where the model holds, in one line."""
+    return ", ".join(f"{one.name} {one.value:.2g} ({one.holds})" for one in of)
+
+
 def numbers(
     parameters: Parameters, velocity: ArrayLike, temperature: float = ROOM
 ) -> tuple[Number, Number, Number]:
@@ -56,7 +66,7 @@ def numbers(
     Args:
       parameters: of the particles and the fluid.
       velocity: at which they settle, m/s, () or (N,).
-      temperature: K.
+      temperature: of the fluid, K.
     """
     reynolds, stokes, peclet = map(float, by_numpy(_worst, parameters, velocity, temperature))
     return (

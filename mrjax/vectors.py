@@ -1,8 +1,11 @@
 """Vectors kept apart by component, x, y and z of one shape each: the layout of the kernel."""
 
+from collections.abc import Sequence
+
 from jax import Array
 
-Vector = tuple[Array, Array, Array]
+Vector = Sequence[Array] | Array
+"""Three components, or an array of them."""
 
 
 def dot(a: Vector, b: Vector) -> Array:
@@ -19,7 +22,7 @@ def cross(a: Vector, b: Vector) -> Vector:
     )
 
 
-def plus(a: Vector, factor: Array | float, b: Vector) -> Vector:
+def plus(a: Vector | Sequence[float], factor: Array | float, b: Vector) -> Vector:
     """The sum a + factor b."""
     return (a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2])
 

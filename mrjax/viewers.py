@@ -136,7 +136,8 @@ def _moved(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         raise InputError(
             "these are several runs: give one of them, jax.tree.map(lambda leaf: leaf[0], run)"
         )
-    return tuple(np.asarray(rows) for rows in vars(run.trajectory).values())
+    seen = run.trajectory
+    return np.asarray(seen.position), np.asarray(seen.velocity), np.asarray(seen.spin)
 
 
 def _single(values: ArrayLike) -> np.ndarray:
@@ -146,4 +147,5 @@ def _single(values: ArrayLike) -> np.ndarray:
 
 def _columns(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(N, 3) as three arrays, each in one piece of memory."""
-    return tuple(np.ascontiguousarray(column) for column in rows.T)
+    x, y, z = map(np.ascontiguousarray, rows.T)
+    return x, y, z

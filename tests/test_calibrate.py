@@ -419,6 +419,27 @@ def test_what_another_prior_bounds_is_not_called_undetermined(tube):
     assert ends["open"] == ([], ["f_w.exponent", "f_s"])
 
 
+def test_a_fit_warns_where_the_model_ends(tube):
+    """Grains of 2 mm in oil that fall at 20 mm/s, whatever is fitted."""
+    coarse = tube.parent / "coarse.toml"
+    sheet = resources.files("mrjax.recipes").joinpath("case2.toml").read_text("utf-8")
+    coarse.write_text(
+        sheet.replace("4e-6", "2e-3").replace("25e-6", "0.0125").replace("50e-6", "0.025")
+    )
+    sample = '[[sample]]\nname = "G"\nrecipe = "coarse.toml"\n'
+    velocity = 'initial_velocity = {value = 20.0, unit = "mm/s", standard_deviation = 1.0}\n'
+    tube.write_text(f'name = "g"\n{sample}{velocity}[[parameter]]\nname = "f_s"\nmedian = 1.0\n')
+    problem, found = calibrated(Experiment.load(tube), "closed-form")
+    predicted = np.asarray(problem.predict(found.theta))
+    result = report.summary(problem, found, calibrate.identify(found), predicted)
+    reynolds = 950.0 * 20e-3 * 2e-3 / 0.01
+    assert result["validity"]["G"]["Reynolds"] == {"value": near(reynolds), "holds": "below 0.1"}
+    [warning] = result["warnings"]
+    assert warning.startswith("sample G: Reynolds number 3.8 is above 0.1")
+    page = report.markdown("g", "closed-form", result | {"wall_seconds": 0.0}, {})
+    assert f"**Warning:** {warning}." in page
+
+
 @pytest.mark.parametrize(
     "error, words", [(0.5, "10.00 ± 0.50"), (0.0, "10"), (np.inf, "10 (error unbounded)")]
 )

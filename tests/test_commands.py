@@ -55,6 +55,7 @@ def test_simulate_writes_its_files(tmp_path, dtype):
     else:
         assert "292 particles settle at 4.895" in out
         assert "2.78% of the weight" in out
+        assert "Reynolds 1.4e-08 (below 0.1)" in out and "Peclet 1.1e+03 (above 10)" in out
     assert summary["settling_velocity_mm_per_day"] == near(4.8955, rel=1e-4)
     assert summary["reynolds_number"] == near(1.41e-8, rel=1e-3)
     assert summary["particles"] == 292
@@ -283,7 +284,12 @@ def test_calibrate_writes_its_files(tmp_path):
     assert fit["begun_with"] == "closed-form" and fit["on_a_kink"] is False
     assert 0 < fit["model_runs"] <= 6  # it begins at the optimum of the closed form, nearly its own
     assert fit["wall_seconds"] > 0
+    assert list(fit["validity"]) == ["A", "B"] and fit["warnings"] == []
+    # At the measured 8 mm/day: 950 kg/m^3, 4 um, 0.01 Pa s.
+    reynolds = 950.0 * 8e-3 / 86400 * 4e-6 / 0.01
+    assert fit["validity"]["A"]["Reynolds"]["value"] == near(reynolds, rel=0.02)
     report = (tmp_path / "fit" / "report.md").read_text()
+    assert "| B | Peclet | 1.1e+03 | above 10 |" in report
     assert "The fit converged." in report and "61.44 ± 0.77" in report
     page = (tmp_path / "fit" / "report.html").read_text()
     assert "<table>" in page and 'src="http' not in page

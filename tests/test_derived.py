@@ -84,3 +84,8 @@ def test_contacts_too_viscous_for_any_step_are_refused(case2):
     )
     with pytest.raises(mrjax.InputError, match="no step is stable: give less dissipation"):
         derived.derived(viscous)
+
+
+def test_the_numbers_in_words_say_where_the_model_holds():
+    said = validity.in_words(validity.numbers(spheres(4e-6), 1e-7, temperature=300.0))
+    assert said == "Reynolds 3.8e-08 (below 0.1), Stokes 3.5e-08 (below 1), Peclet 1e+03 (above 10)"

@@ -84,7 +84,7 @@ def force_chains(state: State, parameters: Parameters, box: Box) -> Figure:
     )
     axes.add_collection(
         LineCollection(
-            np.stack([seen[found.first, :2], ends[:, :2]], axis=1)[weakest_first],
+            list(np.stack([seen[found.first, :2], ends[:, :2]], axis=1)[weakest_first]),
             linewidths=THICKEST * strength[weakest_first],
             colors=[str(shade) for shade in 0.6 * (1.0 - strength[weakest_first])],
             capstyle="round",

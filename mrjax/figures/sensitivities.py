@@ -65,7 +65,8 @@ def sensitivity_curves(
     axes = figure.subplots()
     axes.axhline(0.0, color="0.8", linewidth=0.6)
     for (name, curve), look in zip(values.items(), LINES, strict=False):
-        axes.plot(np.asarray(times, float), curve, label=name, **look)
+        [line] = axes.plot(np.asarray(times, float), curve, label=name)
+        line.set(**look)
     axes.set_xlim(float(np.min(times)), float(np.max(times)))
     axes.set_xlabel("time")
     axes.xaxis.set_major_formatter(EngFormatter("s"))

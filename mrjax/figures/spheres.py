@@ -84,7 +84,7 @@ def draw(
         vmin=0,
         vmax=1,
         origin="lower",
-        extent=bounds(size)[:, :2].T.ravel(),
+        extent=tuple(bounds(size)[:, :2].T.ravel()),
         zorder=1,
     )
     draw_box(axes, size)
