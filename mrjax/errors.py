@@ -21,7 +21,7 @@ class SimulationError(RuntimeError):
     time: float | None = None
     """Of that state, s from the start of the run."""
     faults: int = 0
-    """The sum of the `Fault`s of that run."""
+    """Every `Fault` of that run, added up."""
 
 
 def shown(value: object) -> str:
