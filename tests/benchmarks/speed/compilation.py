@@ -22,7 +22,7 @@ def measured(folder: Path, steps: int = STEPS) -> list[dict]:
                 max(process.numbers_of_cores()),
             ),
         }
-        for name in (programs.VELOCITY, *programs.OF_A_BED)
+        for name in (programs.VELOCITY, *programs.OWN_RUN)
     ]
 
 

@@ -7,6 +7,8 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
+import mrjax
+
 from . import process, programs, states, timing
 from .process import Process
 
@@ -21,6 +23,7 @@ def ways(function: Callable[[Array], Array]) -> dict[str, Callable[[Array], Arra
     return {
         "jax.vmap": jax.vmap(function),
         "lax.map": lambda members: lax.map(function, members),
+        "mrjax.ensemble": lambda members: mrjax.ensemble(function, members),
     }
 
 
@@ -54,6 +57,7 @@ def measured(
 
 def here(folder: str, members: int, steps: int) -> Iterator[dict[str, float]]:
     """How long one takes, and all of them in each way, again and again."""
+    jax.config.update("jax_num_cpu_devices", process.most_cores())
     function, factors = programs.program(programs.RUN, Path(folder), steps)
     scale = jnp.linspace(1.0 - SPREAD, 1.0 + SPREAD, members)
     every = jnp.tile(factors, (members, 1)).at[:, 0].multiply(scale)

@@ -21,11 +21,12 @@ def measured(
     for number in steps:
         for cores in process.numbers_of_cores():
             found = {
-                name: _found(name, folder, number, cores, repetitions) for name in programs.OF_A_BED
+                name: _found(name, folder, number, cores, repetitions) for name in programs.OWN_RUN
             }
-            for one in found.values():
-                of_run = found[programs.RUN]["seconds"]["median"]
-                one["over_run"] = one["seconds"]["median"] / of_run
+            for name, one in found.items():
+                for column, run in (("run", programs.RUN), ("own_run", programs.OWN_RUN[name])):
+                    of_run = found[run]["seconds"]["median"]
+                    one[f"over_{column}"] = one["seconds"]["median"] / of_run
             yield {"steps": number, "cores": cores, "programs": found}
 
 

@@ -13,14 +13,22 @@ from mrjax.parameters import Parameters
 
 from . import states
 
-VELOCITY, RUN, FORWARD, REVERSE, ALL = (
+VELOCITY, RUN, EVERY_LAW, FORWARD, REVERSE, ALL = (
     "initial velocity",
     "settled bed",
+    "settled bed, every law",
     "forward, f_w f_s f_v",
     "reverse, f_w f_s f_v",
     "reverse, every leaf",
 )
-OF_A_BED = (RUN, FORWARD, REVERSE, ALL)
+OWN_RUN = {
+    RUN: RUN,
+    EVERY_LAW: EVERY_LAW,
+    FORWARD: RUN,
+    REVERSE: RUN,
+    ALL: EVERY_LAW,
+}
+"""What is differentiated: the same function of the same argument, of a settled bed."""
 
 
 def program(name: str, folder: Path, steps: int) -> tuple[Callable[[Any], Any], Any]:
@@ -45,8 +53,8 @@ def program(name: str, folder: Path, steps: int) -> tuple[Callable[[Any], Any], 
         return value, value
 
     factors = jnp.stack([jnp.asarray(leaf, float) for leaf in (own.f_w, own.f_s, own.f_v)])
-    if name == ALL:
-        return jax.value_and_grad(height), own.astype(float)
+    if name in (EVERY_LAW, ALL):
+        return height if name == EVERY_LAW else jax.value_and_grad(height), own.astype(float)
     wanted = {
         RUN: of_factors,
         FORWARD: jax.jacfwd(with_value, has_aux=True),
