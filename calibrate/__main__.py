@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,25 @@ from mrjax import InputError, SimulationError, commands
 
 if TYPE_CHECKING:
     from calibrate.data import Experiment, Sample
+
+
+def _new_experiment(context: click.Context, _option: click.Parameter, file: Path | None) -> None:
+    """Writes the template and its readings, and ends."""
+    if file is None or context.resilient_parsing:
+        return
+    if file.suffix != ".toml":
+        raise InputError(f"--new {file}: must end in .toml; the readings go beside it, in .csv")
+    readings = file.with_suffix(".csv")
+    template, example = (
+        resources.files("calibrate").joinpath(name).read_text("utf-8")
+        for name in ("template.toml", "template.csv")
+    )
+    commands.write_new({file: template.replace("template.csv", readings.name), readings: example})
+    click.echo(
+        f"Put your readings into {readings}, and into {file} what they are of; then: "
+        f"mrjax-calibrate {file} --model column"
+    )
+    context.exit()
 
 
 @click.command(
@@ -24,6 +44,7 @@ if TYPE_CHECKING:
 
     \b
     Examples:
+      mrjax-calibrate --new mine.toml
       mrjax-calibrate fang2005 --out results
       mrjax-calibrate mine.toml --model column --starts 8 --posterior
       mrjax-calibrate mine.toml --model column --starts 8 --posterior --resume   # if stopped
@@ -33,6 +54,15 @@ if TYPE_CHECKING:
     """,
 )
 @click.version_option(package_name="mrjax")
+@click.option(
+    "--new",
+    type=click.Path(path_type=Path),
+    is_eager=True,
+    expose_value=False,
+    callback=_new_experiment,
+    metavar="FILE",
+    help="Writes a commented experiment to FILE, to start from, and readings beside it; then ends.",
+)
 @click.argument("experiment", shell_complete=commands.sheet_names("calibrate.experiments"))
 @commands.out_option("fit")
 @click.option(

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mrjax import commands
-from mrjax.errors import InputError
 from mrjax.overlap import MOST_OVERLAP, OVERLAP
 
 if TYPE_CHECKING:
@@ -332,17 +331,8 @@ def _at_rest(whole: "Sedimentation") -> dict[str, Any]:
 @click.argument("file", type=click.Path(path_type=Path))
 def new(file: Path) -> None:
     """Copies the template."""
-    from mrjax import files
-
-    if file.exists():
-        raise InputError(f"{file}: is there already; give another name")
     text = resources.files("mrjax").joinpath("template.toml").read_text("utf-8")
-    try:
-        files.write_text(file, text)
-    except OSError as error:
-        raise InputError(
-            f"{file}: cannot be written ({error.strerror}); give another name"
-        ) from None
+    commands.write_new({file: text})
     click.echo(f"Change {file}, then: mrjax check {file}")
 
 

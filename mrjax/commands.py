@@ -115,6 +115,26 @@ def _processes(text: str | None) -> tuple[str | None, int | None, int | None] | 
     return found[1], int(found[2]), int(found[3])
 
 
+def write_new(texts: dict[Path, str]) -> None:
+    """Writes files for a user to change.
+
+    Raises:
+      InputError: one of them is there already, or cannot be written.
+    """
+    from mrjax import files
+
+    for path in texts:
+        if path.exists():
+            raise InputError(f"{path}: is there already; give another name")
+    for path, text in texts.items():
+        try:
+            files.write_text(path, text)
+        except OSError as error:
+            raise InputError(
+                f"{path}: cannot be written ({error.strerror}); give another name"
+            ) from None
+
+
 def sheet_names(package: str) -> Callable[..., list[CompletionItem]]:
     """Completes what is bundled in a package or a TOML file here, and other paths where none is.
 
