@@ -84,7 +84,7 @@ def test_scripts_are_hushed_like_modules(tmp_path, name):
     "name, value", [("JAX_COMPILATION_CACHE_DIR", "mine"), ("JAX_ENABLE_COMPILATION_CACHE", "0")]
 )
 def test_the_environment_decides(tmp_path, name, value):
-    start(*SHORT, folder=tmp_path, **{name: value})
+    start(*CLOSED, folder=tmp_path, **{name: value})
     assert not (tmp_path / "home").exists()
     kept = len(list((tmp_path / "mine").glob("*-cache")))
     assert kept > 10 if value == "mine" else kept == 0
@@ -93,7 +93,7 @@ def test_the_environment_decides(tmp_path, name, value):
 @linux
 def test_a_folder_that_cannot_be_written_to_is_no_fault(tmp_path):
     (tmp_path / "home").write_text("not a folder")
-    assert start(*SHORT, folder=tmp_path) == ""
+    assert start(*CLOSED, folder=tmp_path) == ""
 
 
 def test_what_was_written_by_half_is_taken_away(tmp_path):

@@ -49,6 +49,7 @@ def check_fang(problem, fit):
     return fit
 
 
+@pytest.mark.slow
 def test_fang_2005_by_both_models(fang):
     fits = []
     for model in ("closed-form", "particles"):
@@ -363,6 +364,7 @@ PRIOR_OF_EXPONENT = "log_standard_deviation = 0.2\n"
 FREE_SHAPE = 'name = "f_s"\nmedian = {}'
 
 
+@pytest.mark.slow
 def test_a_model_is_prepared_again_where_the_fit_leads(tube):
     """From a median from which the column has too few steps: the same end."""
     coarse = partial(calibrate.FORWARD_MODELS["column"], cells=20)

@@ -7,6 +7,7 @@ from itertools import pairwise
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -346,6 +347,7 @@ def out_of_plane(state, pair, stretch):
     return abs(stretch @ apart) / np.linalg.norm(stretch) / np.linalg.norm(apart)
 
 
+@pytest.mark.slow
 def test_a_sheared_bed_does_not_depend_on_the_neighbour_list():
     states = {listing: sheared() for listing in LISTS}
     known, made, lost, slide, stick = set(), 0, 0, 0, 0

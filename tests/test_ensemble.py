@@ -170,6 +170,7 @@ SMALL = textwrap.dedent(
 )
 
 
+@pytest.mark.slow
 def test_the_command_divides_an_ensemble(tmp_path):
     """Two processes, of which the first alone writes and speaks."""
     (tmp_path / "small.toml").write_text(SMALL)

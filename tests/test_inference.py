@@ -231,6 +231,7 @@ def test_a_prediction_along_a_direction_that_nothing_bounds_is_open(fang):
     assert np.isinf(forecast(only_f_w, fit, sample, "closed-form")[0].standard_error)
 
 
+@pytest.mark.slow
 def test_intervals_hold_the_truth_as_often_as_they_say():
     """The closed form, all of it; the limits are those of chance, one in a hundred."""
     rows = coverage.measured("fang2005", "closed-form", coverage.PROFILE, range(200))
@@ -264,6 +265,7 @@ def test_the_page_of_recovery_shows_what_was_measured():
             assert low <= one[level] <= high
 
 
+@pytest.mark.slow
 def test_curves_of_tubes_by_the_column():
     """The synthetic experiment: truth within three standard errors of the fit."""
     problem = Problem.prepare(Experiment.load("synthetic"), "column")

@@ -19,6 +19,8 @@ NAMES = (
     "fit_your_own_data",
     "design_a_recipe",
 )
+QUICK = ("first_settling", "fit_your_own_data")
+"""What the others show, tests of their own guard in an ordinary run."""
 LONGEST = 600
 """Of a cell, s; a whole notebook takes under a minute on two cores that are its own."""
 
@@ -59,7 +61,10 @@ def test_it_is_kept_without_outputs_and_checks_its_result(name):
     assert not re.search(r"(?<![\w.])/(home|tmp|Users)/", text)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name",
+    [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in NAMES],
+)
 def test_it_runs_through(name, tmp_path, monkeypatch):
     # No profile of a user's.
     monkeypatch.setenv("IPYTHONDIR", str(tmp_path))

@@ -83,6 +83,7 @@ def met(contacts) -> dict:
     }
 
 
+@pytest.mark.slow
 def test_so_is_its_derivative(monkeypatch):
     state, parameters = suspension()
     step = float(mrjax.time_step(parameters))

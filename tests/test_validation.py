@@ -5,6 +5,12 @@ from pathlib import Path
 import pytest
 from validation import page
 
+QUICK = "Collisions of LIGGGHTS 3.8"
+"""What the other suites hold to their bars, tests of each law guard in an ordinary run."""
+suites = pytest.mark.parametrize(
+    "title",
+    [one if one == QUICK else pytest.param(one, marks=pytest.mark.slow) for one in page.SUITES],
+)
 PAGE = Path(__file__).parent / "validation" / "README.md"
 
 
@@ -15,7 +21,7 @@ def written() -> dict[tuple[str, str, str], list[str]]:
     return {(line[0], line[1], line[-1]): line for line in lines if len(line) == len(page.COLUMNS)}
 
 
-@pytest.mark.parametrize("title", page.SUITES)
+@suites
 def test_every_row_keeps_its_bar(title):
     rows = page.rows(title)
     assert len(rows) > 10
@@ -23,7 +29,7 @@ def test_every_row_keeps_its_bar(title):
     assert not left
 
 
-@pytest.mark.parametrize("title", page.SUITES)
+@suites
 def test_the_page_shows_what_is_computed(title, written):
     for row in page.rows(title):
         cells, scale = written[row.case, row.quantity, row.source], row.scale or row.reference
