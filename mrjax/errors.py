@@ -31,3 +31,9 @@ def shown(value: object) -> str:
     except (ValueError, RecursionError):  # an integer of thousands of digits, tables in tables
         return f"a {type(value).__name__} too long to show"
     return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+
+
+def shown_key(key: object) -> str:
+    """A key of a table as a message has it: as it is where it is a plain word."""
+    plain = str(key).isidentifier() and len(str(key)) <= LONGEST
+    return str(key) if plain else shown(key)

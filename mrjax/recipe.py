@@ -26,7 +26,7 @@ from pydantic import (
 from mrjax import drag, sheets, sizes
 from mrjax.box import AXES, Box
 from mrjax.by_numpy import by_numpy
-from mrjax.errors import InputError, shown
+from mrjax.errors import InputError, shown, shown_key
 from mrjax.hindrance import DENSEST, Hindrance
 from mrjax.parameters import Parameters
 from mrjax.sheets import Line, Sheet
@@ -247,11 +247,11 @@ def _box(table: Any) -> Box:
         raise ValueError(
             f"box = {shown(table)}: must be a table; give [box] with size and periodic"
         )
-    unknown = sorted(set(table) - {"size", "periodic"})
+    unknown = [key for key in table if key not in ("size", "periodic")]
     if unknown:
         raise ValueError(
-            f"box.{unknown[0]} = {shown(table[unknown[0]])}: unknown key; known here: size, "
-            "periodic"
+            f"box.{shown_key(unknown[0])} = {shown(table[unknown[0]])}: unknown key; "
+            "known here: size, periodic"
         )
     if "size" not in table:
         raise ValueError("box.size is missing; give three lengths in m")

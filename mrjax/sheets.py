@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, fie
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from mrjax.errors import LONGEST, InputError, shown
+from mrjax.errors import LONGEST, InputError, shown, shown_key
 
 MOST_BYTES = 10**6
 """Size of a file beyond which it is no sheet that anyone has written."""
@@ -145,7 +145,7 @@ def first_fault(model: type[Sheet], error: ValidationError) -> str:
     path, kind = list(fault["loc"]), fault["type"]
     if kind != "extra_forbidden":
         path = [part for part in path if not _is_branch(part)]
-    key = ".".join(map(_key, path))
+    key = ".".join(map(shown_key, path))
     field = _field(model, path)
     description = field.description if field is not None else None
     match kind:
@@ -163,11 +163,6 @@ def first_fault(model: type[Sheet], error: ValidationError) -> str:
             return message if key.split(".")[0] in message else f"{key}: {message}"
         case _:
             return f"{key} = {shown(fault['input'])}: {_problem(fault)}; give {description}"
-
-
-def _key(part: str | int) -> str:
-    plain = str(part).isidentifier() and len(str(part)) <= LONGEST
-    return str(part) if plain else shown(part)
 
 
 def _problem(fault: ErrorDetails) -> str:

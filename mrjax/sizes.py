@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mrjax.errors import InputError, shown
+from mrjax.errors import InputError, shown, shown_key
 
 LEAST_DIAMETER = 1e-10
 """m, of an atom: what is smaller was given in another unit."""
@@ -147,7 +147,7 @@ def of(diameter: Any) -> Sizes:
     for key in diameter:
         if key not in known:
             raise InputError(
-                f"{key} = {shown(diameter[key])}: unknown key; known: {', '.join(known)}"
+                f"{shown_key(key)} = {shown(diameter[key])}: unknown key; known: {', '.join(known)}"
             )
     needed = ("median", "geometric_standard_deviation") if kind is LogNormal else ("values",)
     for key in needed:
