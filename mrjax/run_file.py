@@ -6,12 +6,10 @@ from typing import Any
 
 import jax.numpy as jnp
 
-from mrjax import files
+from mrjax import files, state_file
 from mrjax.box import Box
 from mrjax.errors import InputError
-from mrjax.history import Contacts
 from mrjax.run import Run
-from mrjax.state import State
 from mrjax.trajectory import Trajectory
 
 OF_RUN = {
@@ -26,9 +24,7 @@ OF_RUN = {
 }
 """Fields of `Run` by the names of their arrays."""
 OF_EACH = {"position_m": "position", "velocity_m_per_s": "velocity", "spin_rad_per_s": "spin"}
-"""Fields of `State` and `Trajectory`."""
-OF_CONTACTS = {"partner": "partner", "sliding_m": "sliding", "rolling_rad": "rolling"}
-"""Fields of `Contacts`."""
+"""Fields of `Trajectory`, and of `State`, where it is the last."""
 
 
 def save_run(path: str | Path, run: Run, made_by: Mapping[str, Any]) -> None:
@@ -47,25 +43,20 @@ def save_run(path: str | Path, run: Run, made_by: Mapping[str, Any]) -> None:
     if path.suffix != ".npz":
         raise InputError(f"{path}: give a name that ends in .npz")
     run.check()
-    state = run.state
     arrays = {name: getattr(run, field) for name, field in OF_RUN.items()}
-    arrays |= {f"last_{name}": getattr(state, field) for name, field in OF_EACH.items()}
+    for name, array in state_file.arrays(run.state).items():
+        arrays[f"last_{name}" if name in OF_EACH else name] = array
     if run.trajectory is not None:
         arrays |= {name: getattr(run.trajectory, field) for name, field in OF_EACH.items()}
-    if state.contacts is not None:
-        arrays |= {
-            f"contact_{name}": getattr(state.contacts, field) for name, field in OF_CONTACTS.items()
-        }
-    arrays["material"] = state.material
     files.write_npz(
         path,
-        {name: array for name, array in arrays.items() if array is not None},
+        arrays,
         {
             "box_size_m": run.box.size,
             "box_periodic": run.box.periodic,
             "time_step_s": run.time_step,
             "steps": run.steps,
-            "contact_diameter_m": state.contact_diameter,
+            "contact_diameter_m": run.state.contact_diameter,
             "made_by": made_by,
         },
     )
@@ -84,26 +75,20 @@ def load_run(path: str | Path) -> tuple[Run, dict[str, Any]]:
     """
     arrays, told = files.read_npz(Path(path))
     found = {name: jnp.asarray(array) for name, array in arrays.items()}
-
-    def fields(names: Mapping[str, str], prefix: str = "") -> dict[str, Any]:
-        return {field: found.get(prefix + name) for name, field in names.items()}
-
+    of_last = {
+        name.removeprefix("last_"): array for name, array in arrays.items() if name not in OF_EACH
+    }
+    moved = None
     try:
-        contacts = (
-            Contacts(**fields(OF_CONTACTS, "contact_")) if "contact_partner" in found else None
-        )
+        if "position_m" in found:
+            moved = Trajectory(**{field: found[name] for name, field in OF_EACH.items()})
         return Run(
             **{field: found[name] for name, field in OF_RUN.items()},
-            state=State(
-                **fields(OF_EACH, "last_"),
-                contacts=contacts,
-                material=found.get("material"),
-                contact_diameter=told["contact_diameter_m"],
-            ),
+            state=state_file.of_arrays(of_last, told["contact_diameter_m"]),
             box=Box(tuple(told["box_size_m"]), tuple(told["box_periodic"])),
             time_step=told["time_step_s"],
             steps=told["steps"],
-            trajectory=Trajectory(**fields(OF_EACH)) if "position_m" in found else None,
+            trajectory=moved,
         ), told["made_by"]
     except KeyError as error:
         raise InputError(f"{path}: has no {error}, so it is not of a run; give another") from None

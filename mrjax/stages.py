@@ -133,9 +133,8 @@ class Kept:
             return [], like
         arrays, metadata = last
         recorded = (self.checkpoint.kept(self._file(n)) for n in range(metadata["parts"]))
-        return [part[0] for part in recorded if part is not None], state_file.with_arrays(
-            like, arrays
-        )
+        so_far = [part[0] for part in recorded if part is not None]
+        return so_far, state_file.of_arrays(arrays, like.contact_diameter)
 
     def keep(self, number: int, part: Run, state: State) -> None:
         """Adds a part, and the state from which to go on."""

@@ -1,6 +1,6 @@
 """A state on disk: positions, velocities, spins, and what its contacts remember."""
 
-from dataclasses import replace
+from collections.abc import Mapping
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -40,8 +40,7 @@ def load_state(path: str | Path) -> State:
     try:
         if metadata["kind"] != KIND:
             raise KeyError
-        bare = State(*(jnp.zeros(0),) * 3, contact_diameter=metadata["contact_diameter_m"])
-        return with_arrays(bare, stored)
+        return of_arrays(stored, metadata["contact_diameter_m"])
     except KeyError:
         raise InputError(f"{path}: holds no state; give a file that save_state wrote") from None
 
@@ -63,8 +62,8 @@ def arrays(state: State) -> dict[str, np.ndarray]:
     return {name: np.asarray(array) for name, array in found.items() if array is not None}
 
 
-def with_arrays(state: State, stored: dict[str, np.ndarray]) -> State:
-    """The state with the arrays that `arrays` gave of another."""
+def of_arrays(stored: Mapping[str, np.ndarray], contact_diameter: float | None) -> State:
+    """The state of which `arrays` gave these, among others."""
 
     def maybe(name: str) -> Array | None:
         return jnp.asarray(stored[name]) if name in stored else None
@@ -76,11 +75,11 @@ def with_arrays(state: State, stored: dict[str, np.ndarray]) -> State:
             maybe("contact_sliding_m"),
             maybe("contact_rolling_rad"),
         )
-    return replace(
-        state,
+    return State(
         position=jnp.asarray(stored["position_m"]),
         velocity=jnp.asarray(stored["velocity_m_per_s"]),
         spin=jnp.asarray(stored["spin_rad_per_s"]),
         contacts=contacts,
         material=maybe("material"),
+        contact_diameter=contact_diameter,
     )
