@@ -8,6 +8,7 @@ from numbers import Real
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 from mrjax.errors import InputError, shown
@@ -77,7 +78,9 @@ class Box:
         """
         from mrjax._jax_md import space
 
-        side, periodic = jnp.array(self.size), jnp.array(self.periodic)
+        # Not of jax: jax-md's functions refer to each other in a circle, and would keep a traced
+        # value, and with it dead code in the program, until the collector comes by.
+        side, periodic = np.array(self.size), np.array(self.periodic)
 
         def on_periodic_axes(wrapped: Array, plain: Array) -> Array:
             return jnp.where(jnp.broadcast_to(periodic, plain.shape), wrapped, plain)

@@ -1,13 +1,17 @@
 """Programs kept from one start of a command to the next, and who must not notice."""
 
+import gc
 import os
 import subprocess
 import sys
 from pathlib import Path
 
+import jax
+import jax.numpy as jnp
 import pytest
 
-from mrjax import cache
+import mrjax
+from mrjax import cache, neighbours
 
 SHORT = ("-m", "mrjax", "simulate", "case2", "--duration", "1.5e-7", "--frames", "2", "--quiet")
 CLOSED = ("-m", "calibrate", "fang2005", "--model", "closed-form", "--quiet")
@@ -101,3 +105,25 @@ def test_what_was_written_by_half_is_taken_away(tmp_path):
         (tmp_path / name).write_text("")
     cache._mend(tmp_path)
     assert {file.name for file in tmp_path.iterdir()} == {"whole-cache", "whole-atime"}
+
+
+def test_a_search_is_one_program_whenever_the_collector_comes_by():
+    """Else what nobody uses stays in it or not, and the next start compiles it once more."""
+    box = mrjax.Box((10.0, 10.0, 10.0))
+    plan = neighbours.plan(box, 50, 1.0, 1.0, 0.1)
+    positions = jax.ShapeDtypeStruct((50, 3), jnp.float64)
+
+    def traced(*, collected: bool) -> str:
+        def search(position):
+            found = neighbours.build(plan, box, position)
+            if collected:
+                gc.collect()
+            return found
+
+        gc.disable()
+        try:
+            return str(jax.jit(search).trace(positions).jaxpr)
+        finally:
+            gc.enable()
+
+    assert traced(collected=False) == traced(collected=True)
