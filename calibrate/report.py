@@ -219,6 +219,12 @@ def in_words(result: dict[str, Any]) -> list[str]:
         for one in combinations
     ]
     lines += [
+        f"`odds({label})` is ({label} - {one['bounds'][0]:g}) / ({one['bounds'][1]:g} - {label}), "
+        "which runs from 0 to infinity."
+        for label, one in parameters.items()
+        if one["bounds"]
+    ]
+    lines += [
         f"No measurement says anything of `{direction}`: changing it, with the combinations above "
         "held, changes no prediction."
         for direction in result["null_directions"]

@@ -11,7 +11,7 @@ from recovery import coverage, page
 
 import calibrate
 import mrjax
-from calibrate import Experiment, LogNormal, Problem
+from calibrate import Experiment, LogNormal, Problem, report
 from calibrate import fit as fitted_to
 from calibrate.fitted import Fitted
 from calibrate.forecast import forecast, leave_one_out, like
@@ -276,3 +276,9 @@ def test_curves_of_tubes_by_the_column():
     for name, value in zip(fit.names, fit.values, strict=True):
         assert abs(value - truth[name]) < 3 * found.standard_errors[name]
     assert 0.5 < fit.chi_squared / (73 - 4) < 1.5
+    predicted = np.asarray(problem.predict(fit.theta))
+    said = report.in_words(report.summary(problem, fit, found, predicted))
+    assert (
+        "`odds(bed_fraction)` is (bed_fraction - 0.45) / (0.74 - bed_fraction), "
+        "which runs from 0 to infinity." in said
+    )
