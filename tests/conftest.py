@@ -11,6 +11,15 @@ jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
 
+@pytest.fixture(scope="session", autouse=True)
+def programs_are_kept(tmp_path_factory, worker_id):
+    """What one process of the suite compiled is read by the others, and after `clear_caches`."""
+    own = tmp_path_factory.getbasetemp()
+    of_all = own if worker_id == "master" else own.parent
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    jax.config.update("jax_compilation_cache_dir", str(of_all / "programs"))
+
+
 @pytest.fixture(scope="session", params=["case1", "case2", "case3"])
 def case(request) -> mrjax.Recipe:
     """Each of the paper's three cases."""

@@ -98,7 +98,9 @@ def velocity_of(recipe):
     return Sample(recipe.name, recipe, recipe.box.height, None, (measurement,))
 
 
-@pytest.mark.parametrize("name", ["closed-form", "column", "particles"])
+@pytest.mark.parametrize(
+    "name", ["closed-form", "column", pytest.param("particles", marks=pytest.mark.slow)]
+)
 def test_synthetic_recovery_where_the_data_separate_the_factors(name):
     """A dilute and a dense sample tell n from f_s; the third tells f_v. Noise-free."""
     truth = OrderedDict(n=5.6, f_s=1.23, f_v=1.9)

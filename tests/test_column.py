@@ -196,6 +196,7 @@ def convergence(initial, densest, times, profile):
     return np.array(errors)
 
 
+@pytest.mark.slow
 def test_first_order_where_all_is_shocks():
     """Of monotone schemes in L1 (Teng & Zhang 1997)."""
     profile, end = exact_shock(0.1, 0.6)
@@ -575,6 +576,7 @@ def test_a_plain_function_is_a_closure_too_and_times_may_be_a_list():
 # --- faults -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_too_few_steps():
     fewest = column_steps(spheres(), times=TIMES, hindrance=zaki(), cells=60, **SETTLING)
     assert fewest < STEPS

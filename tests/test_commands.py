@@ -47,7 +47,7 @@ def run(*arguments, module="mrjax", folder: Path, environment=None) -> tuple[int
     return process.returncode, out, err
 
 
-@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize("dtype", ["float64", pytest.param("float32", marks=pytest.mark.slow)])
 def test_simulate_writes_its_files(tmp_path, dtype):
     """With a duration: twenty relaxation times, of the real moduli."""
     arguments = ("case3", "--duration", "1.5e-7", "--out", "made/here", "--frames", "20")
@@ -310,6 +310,7 @@ def test_calibrate_writes_its_files(tmp_path):
     assert Recipe.model_validate(fit["lab_sheets"]["B"]) == Recipe.load("case3")
 
 
+@pytest.mark.slow
 def test_calibrate_predicts_what_was_not_fitted(tmp_path):
     status, out, err = run(
         *("fang2005", "--model", "closed-form", "--leave-one-out", "--posterior"),

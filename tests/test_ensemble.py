@@ -104,6 +104,7 @@ def same(one, other) -> None:
         np.testing.assert_array_equal(left, right, strict=True)
 
 
+@pytest.mark.slow
 def test_processes_change_no_number(tmp_path, two_devices):
     """Five members in two shares: the last place is filled. Two: one in each."""
     for each in found(tmp_path, 2, 1):

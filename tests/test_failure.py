@@ -65,6 +65,7 @@ def test_two_particles_too_deep(tmp_path):
     np.testing.assert_allclose(after.state.velocity[1:, 2], [-speed, speed], rtol=1e-3)
 
 
+@pytest.mark.slow
 def test_a_particle_too_deep_in_a_wall():
     state = mrjax.place([*APART, [5e-3, 9.4e-3, 5e-3]], [*[[0.0] * 3] * 3, [0.0, 4.0, 0.0]])
     error = failed(state, duration=1e-4, frames=10, time_step=1e-6, skin=0.3)
@@ -87,6 +88,7 @@ def test_a_particle_through_a_wall(tmp_path):
     assert after.state.velocity[1, 0] == pytest.approx(-speed, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_a_particle_that_is_nowhere():
     state = mrjax.place(APART, [[0.0] * 3, [0.0] * 3, [0.0, np.nan, 0.0]])
     error = failed(state, duration=1e-5, frames=1, time_step=1e-6)

@@ -331,7 +331,14 @@ DERIVATIVES = {
 }
 
 
-@pytest.mark.parametrize("units, dtype", [(GLASS, float), (REDUCED, float), (REDUCED, jnp.float32)])
+@pytest.mark.parametrize(
+    "units, dtype",
+    [
+        (REDUCED, float),
+        pytest.param(GLASS, float, marks=pytest.mark.slow),
+        pytest.param(REDUCED, jnp.float32, marks=pytest.mark.slow),
+    ],
+)
 def test_first_and_second_derivatives_are_finite_everywhere(units, dtype):
     at = points(units, dtype)
     found = {name: of(at) for name, of in DERIVATIVES.items()}

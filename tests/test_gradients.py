@@ -173,6 +173,7 @@ def test_gradient_through_an_elastic_collision_equals_central_differences():
     np.testing.assert_allclose(forward, central, rtol=1e-4, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_one_value_for_each_particle_has_a_gradient_of_its_own(case3):
     """v is the mean of N terminal velocities: d v / d ln f_w of one particle is -v / N."""
     state, parameters = mrjax.disperse(case3), case3.parameters().replace(friction=0.0)
@@ -351,6 +352,7 @@ def test_gradients_through_a_settling_bed():
     assert (np.abs(jacobian).max(axis=(0, 1)) > 1e-3).all()
 
 
+@pytest.mark.slow
 def test_second_derivatives_through_a_frictional_impact():
     """Both ways, symmetric, and central differences of the first ones."""
     ball = mrjax.place([[10e-3, 10e-3, 1.003e-3]], [[0.6, 0.0, -1.0]], contact_diameter=2e-3)

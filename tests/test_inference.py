@@ -55,6 +55,7 @@ def test_a_value_that_nothing_bounds_has_no_profile_and_no_posterior():
         posterior(fit)
 
 
+@pytest.mark.slow
 def test_samples_of_a_ridge(on_a_ridge):
     """Spreads of a Gaussian in logarithms, within four of their sampling errors."""
     drawn = posterior(on_a_ridge, seed=1)

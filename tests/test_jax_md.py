@@ -85,6 +85,7 @@ def test_mrjax_loads_only_what_it_uses(interpreters):
     succeeds(interpreters["light"])
 
 
+@pytest.mark.slow
 def test_jax_md_imports_whole_after_mrjax(interpreters):
     succeeds(interpreters["afterwards"])
 

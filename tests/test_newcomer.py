@@ -62,6 +62,7 @@ def typed(tmp_path_factory) -> tuple[Path, str]:
     return folder, done.stdout
 
 
+@pytest.mark.slow
 @installed
 def test_it_ends_in_the_files_and_figures_it_names(typed):
     folder, said = typed
@@ -84,6 +85,7 @@ def test_it_ends_in_the_files_and_figures_it_names(typed):
         assert line in said
 
 
+@pytest.mark.slow
 @installed
 def test_it_ends_in_the_numbers_it_names(typed):
     folder, _ = typed

@@ -19,7 +19,7 @@ NAMES = (
     "fit_your_own_data",
     "design_a_recipe",
 )
-QUICK = ("first_settling", "fit_your_own_data")
+QUICK = ("fit_your_own_data",)
 """What the others show, tests of their own guard in an ordinary run."""
 LONGEST = 600
 """Of a cell, s; a whole notebook takes under a minute on two cores that are its own."""

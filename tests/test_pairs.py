@@ -159,6 +159,7 @@ coordinates = st.one_of(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(
     fraction=arrays.arrays(np.float64, (FEW, 3), elements=coordinates),

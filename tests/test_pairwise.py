@@ -500,6 +500,7 @@ def test_axes_that_are_not_the_first():
         np.testing.assert_array_equal(jnp.moveaxis(one, -1, 0), other)
 
 
+@pytest.mark.slow
 def test_the_derivatives_of_contacts():
     """Forwards and backwards, in all that moves and in the parameters.
 
@@ -624,7 +625,10 @@ def test_one_loop_forwards_and_two_backwards(name):
     assert "pairwise[" in backwards and "pairwise_with_change" not in backwards
 
 
-@pytest.mark.parametrize("name", ["plain", "checkpoint", "outside"])
+@pytest.mark.parametrize(
+    "name",
+    ["plain", *(pytest.param(name, marks=pytest.mark.slow) for name in ("checkpoint", "outside"))],
+)
 def test_derivatives_of_derivatives_in_a_scan(name):
     """Forwards over backwards, backwards over forwards, and both of several at once."""
     place, weight = arguments()[:2]

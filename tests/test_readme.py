@@ -32,6 +32,7 @@ def test_there_are_exactly_two_set_up_commands():
     assert "-m pytest" in commands[1]
 
 
+@pytest.mark.slow
 def test_the_table_of_reproduced_numbers_is_what_the_command_gives(paper_runs):
     section = README.split("## What it reproduces")[1].split("\n## ")[0]
     stated = [line for line in section.splitlines() if line.startswith(("| case", "| Eq"))][1:]

@@ -109,6 +109,7 @@ def test_a_bed_stopped_at_any_part_goes_on_to_the_same_bits(small, tmp_path):
         alike(settled(small, checkpoint=folder), whole)
 
 
+@pytest.mark.slow
 def test_a_part_repeated_with_more_room_is_so_again(small, tmp_path):
     """The neighbour list of a bed overflows, grows, and the bed settles on; resumed, too."""
     parameters, (state, _) = small
@@ -178,6 +179,7 @@ def test_a_fit_stopped_at_any_model_run_goes_on(tmp_path, starts):
     alike(resumed, whole)
 
 
+@pytest.mark.slow
 def test_samples_are_kept(tmp_path, monkeypatch):
     found = fit(bent, BENT)
     drawn = posterior.posterior(found, samples=10, checkpoint=tmp_path)
@@ -336,14 +338,6 @@ def survives(command, out: str, folder: Path, kills: int, seed: int) -> None:
         for name, value in whole.items():
             assert found[name] == value, (how, name)
         print(f"kill {number + 1} of {kills}, {how}: the same", flush=True)
-
-
-def test_a_killed_simulation_ends_the_same(tmp_path):
-    survives(SIMULATION, "run", tmp_path, kills=2, seed=0)
-
-
-def test_a_killed_fit_ends_the_same(tmp_path):
-    survives(FITTING, "fit", tmp_path, kills=2, seed=1)
 
 
 @pytest.mark.slow

@@ -63,6 +63,7 @@ def test_particles_keep_to_kynch():
         assert abs(found[quantity] - 1.0) < 0.03
 
 
+@pytest.mark.slow
 def test_a_dropped_bed_is_one_of_those_on_the_page(case2):
     """The first start again. Another machine rounds otherwise, and a bed remembers it: within four
     standard deviations of the ensemble."""

@@ -389,9 +389,9 @@ def test_a_fast_particle_makes_the_list_rebuild_more_often():
     "damped, rebound",
     [
         ({"restitution": 1.0}, 1.0),
-        ({"restitution": 0.2}, 0.2),
         ({"restitution": 0.01}, 0.01),
-        ({"dissipation": 1e-7}, None),
+        pytest.param({"restitution": 0.2}, 0.2, marks=pytest.mark.slow),
+        pytest.param({"dissipation": 1e-7}, None, marks=pytest.mark.slow),
     ],
 )
 def test_the_largest_step_named_keeps_damped_impacts_passive(damped, rebound):

@@ -28,6 +28,7 @@ def test_tiles_are_images_of_each_other_and_do_not_touch(folder):
     assert states.look(position, np.asarray(state.velocity))["coordination_number"] == 0.0
 
 
+@pytest.mark.slow
 def test_both_codes_fall_alike(folder):
     """Ten steps of free fall: the same heights, by whichever code is there."""
     steps = 10

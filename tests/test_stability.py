@@ -246,7 +246,9 @@ def pressed_cube():
     return pitch * (grid + 0.5) + nudge, box
 
 
-@pytest.mark.parametrize("drag", ["without drag", "overdamped"])
+@pytest.mark.parametrize(
+    "drag", [pytest.param("without drag", marks=pytest.mark.slow), "overdamped"]
+)
 def test_a_run_is_refused_above_the_limit_of_its_bed_and_only_there(drag):
     """The limit from the dense matrix; 8 frames, so that the iteration has found the mode."""
     position, box = pressed_cube()

@@ -38,6 +38,7 @@ def same_but_for_the_trajectory(run, plain):
         np.testing.assert_array_equal(one, other)
 
 
+@pytest.mark.slow
 def test_a_run_to_rest_is_the_same_with_and_without(recipe):
     """Several starts, of which one rests before the other; friction, a periodic axis, two sizes."""
     plain, whole = (
@@ -63,7 +64,7 @@ def test_a_run_to_rest_is_the_same_with_and_without(recipe):
     assert np.abs(found.spin).max() > 0.0
 
 
-@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize("dtype", ["float64", pytest.param("float32", marks=pytest.mark.slow)])
 def test_many_particles_come_back_in_their_own_order(recipe, monkeypatch, dtype):
     """As from 4,096 particles on, whose runs go through them in the order of space."""
     monkeypatch.setattr(order, "MANY", 2)

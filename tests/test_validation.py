@@ -39,6 +39,7 @@ def test_the_page_shows_what_is_computed(title, written):
         assert abs(float(cells[3]) - row.computed) <= moved
 
 
+@pytest.mark.slow
 def test_the_page_shows_its_figures():
     for name in page.figures():
         assert f"({name}.png)" in PAGE.read_text("utf-8")
