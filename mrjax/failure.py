@@ -16,8 +16,8 @@ from mrjax.errors import SimulationError
 from mrjax.hindrance import Hindrance
 from mrjax.parameters import Parameters
 from mrjax.run import Fault, Run, reasons
+from mrjax.scan import Setup, attempt
 from mrjax.schedule import Schedule
-from mrjax.simulate import Setup, attempt
 from mrjax.state import State
 
 PIECES = 256

@@ -22,7 +22,8 @@ from mrjax.errors import InputError, SimulationError
 from mrjax.hindrance import Hindrance
 from mrjax.parameters import Parameters
 from mrjax.run import Fault, Run
-from mrjax.simulate import Setup, prepared
+from mrjax.scan import Setup
+from mrjax.simulate import prepared
 from mrjax.stages import ALONG, Kept, joined, stages
 from mrjax.state import State
 

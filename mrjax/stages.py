@@ -24,7 +24,8 @@ from mrjax.failure import failure
 from mrjax.hindrance import Hindrance
 from mrjax.parameters import Parameters
 from mrjax.run import Run
-from mrjax.simulate import Setup, attempt, prepared
+from mrjax.scan import Setup, attempt
+from mrjax.simulate import prepared
 from mrjax.state import State
 from mrjax.trajectory import Trajectory
 

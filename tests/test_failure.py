@@ -65,6 +65,24 @@ def test_two_particles_too_deep(tmp_path):
     np.testing.assert_allclose(after.state.velocity[1:, 2], [-speed, speed], rtol=1e-3)
 
 
+@pytest.mark.parametrize("call", ["plain", pytest.param("differentiated", marks=pytest.mark.slow)])
+def test_a_single_call_tells_as_much(call):
+    """Of a run in one piece, whose beginning is the last good state."""
+    state = mrjax.place([*APART[:2], [5e-3, 5e-3, 6.05e-3]], [[0.0] * 3, [0, 0, 2.0], [0, 0, -2.0]])
+    given = dict(duration=1e-4, frames=10, time_step=1e-6, skin=0.3)
+
+    def end(modulus):
+        weak = SOFT.replace(elastic_modulus=modulus)
+        return mrjax.simulate(state, weak, ROOM, **given).state.position[1, 2]
+
+    with pytest.raises(mrjax.SimulationError) as caught:
+        end(SOFT.elastic_modulus) if call == "plain" else jax.grad(end)(SOFT.elastic_modulus)
+    assert str(caught.value) == str(failed(state, **given))
+    assert "s, particles 1 and 2, 0.2" in str(caught.value) and when(caught.value) > 0.0
+    assert caught.value.time == 0.0 and caught.value.faults == mrjax.Fault.TOO_DEEP
+    np.testing.assert_array_equal(caught.value.state.position, state.position)
+
+
 @pytest.mark.slow
 def test_a_particle_too_deep_in_a_wall():
     state = mrjax.place([*APART, [5e-3, 9.4e-3, 5e-3]], [*[[0.0] * 3] * 3, [0.0, 4.0, 0.0]])

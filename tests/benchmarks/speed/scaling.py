@@ -4,13 +4,13 @@ A list that is rebuilt in every step against one that is kept, from which what a
 cost by themselves follows: runs of many particles are too short to keep it as long as others do.
 """
 
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 import mrjax
+from mrjax import scan
 from mrjax.schedule import MOST_STEPS_BETWEEN_REBUILDS
 from mrjax.simulate import prepared
 
@@ -87,11 +87,10 @@ def here(folder: str, tiles: int, work: float) -> Iterator[dict[str, float]]:
             **chosen,
         )
 
-    simulation = sys.modules["mrjax.simulate"]  # mrjax.simulate is the function
     follow("usual")
-    kept, simulation.HURRY = simulation.HURRY, ALWAYS
+    kept, scan.HURRY = scan.HURRY, ALWAYS
     follow("often")
-    simulation.HURRY = kept
+    scan.HURRY = kept
     cuts = prepared(
         state,
         parameters,

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from mrjax.run import Run
-from mrjax.simulate import Setup, attempt, prepared
+from mrjax.scan import Setup, attempt
+from mrjax.simulate import prepared
 
 from . import liggghts, process, states, timing
 from .process import Process
