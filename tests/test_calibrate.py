@@ -305,6 +305,7 @@ def test_the_models_agree_where_all_of_them_apply(tube):
     np.testing.assert_allclose(column[:3], closed[:3], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_particles_scale_the_times_of_one_run(case2):
     """Without inertia a curve knows of time only t / f: the same run at twice the drag."""
     recipe = case2.model_copy(update={"box": mrjax.Box((10e-6, 10e-6, 20e-6))})

@@ -205,6 +205,7 @@ def test_first_order_where_all_is_shocks():
     assert errors[2] < 2e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("initial, densest", FANS)
 def test_order_of_convergence_with_a_fan(initial, densest):
     """First order in L1, as for shocks, though the edge of the fan is as fast as the front it hangs

@@ -434,6 +434,7 @@ def test_a_wrong_experiment_gets_one_line_and_status_2(tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_a_run_too_short_to_settle_says_so(tmp_path):
     status, out, _ = run("simulate", "case2", "--duration", "1e-8", folder=tmp_path)
     summary = json.loads((tmp_path / "run" / "summary.json").read_text())

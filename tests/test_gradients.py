@@ -85,6 +85,7 @@ def test_gradients_equal_the_closed_form_and_central_differences(velocity):
     np.testing.assert_allclose(forward, central, rtol=1e-5, atol=1e-8)
 
 
+@pytest.mark.slow
 def test_plain_calls_are_differentiable_with_the_step_they_choose(case3):
     """Concrete values: simulate chooses its step, and grad and jvp see the same velocity."""
     state = mrjax.place([[10e-6, 10e-6, 20e-6], [16e-6, 10e-6, 20e-6]])
@@ -103,7 +104,8 @@ def test_plain_calls_are_differentiable_with_the_step_they_choose(case3):
     assert float(slope) == near(float(tangent), rel=1e-9)
 
 
-@pytest.mark.parametrize("times", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("times", [1, 2])
 def test_no_nan_at_zero_overlap_or_apart_second_derivatives_included(times):
     """Two spheres that just touch, one far off, one resting on the floor at zero overlap."""
     box = mrjax.Box((20e-6, 20e-6, 20e-6))
@@ -135,6 +137,7 @@ def test_no_nan_at_zero_overlap_or_apart_second_derivatives_included(times):
         assert bool(jnp.all(jnp.isfinite(jax.jit(derivative)(origin))))
 
 
+@pytest.mark.slow
 def test_gradient_through_an_elastic_collision_equals_central_differences():
     """Oblique bounce of two spheres in a thin liquid: final velocity against every property."""
     box = mrjax.Box((10e-6,) * 3)

@@ -52,47 +52,31 @@ assert _jax_md.space is jax_md.space, "a second copy of what was there"
 """
 
 
-@pytest.fixture(scope="module")
-def interpreters():
-    """All of them at once: importing the whole of jax-md takes seconds."""
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
-    started = {
-        name: subprocess.Popen(
-            [sys.executable, "-c", code],
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            env=environment,
-        )
-        for name, code in (
-            ("light", LIGHT),
-            ("afterwards", AFTERWARDS),
-            ("attributes", ATTRIBUTES),
-            ("before", BEFORE),
-        )
-    }
-    yield started
-    for process in started.values():
-        process.kill()
+def succeeds(code: str) -> None:
+    """In an interpreter of its own."""
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+        timeout=100,
+    )
+    assert done.returncode == 0, done.stdout
 
 
-def succeeds(process) -> None:
-    output, _ = process.communicate(timeout=100)
-    assert process.returncode == 0, output
-
-
-def test_mrjax_loads_only_what_it_uses(interpreters):
-    succeeds(interpreters["light"])
+def test_mrjax_loads_only_what_it_uses():
+    succeeds(LIGHT)
 
 
 @pytest.mark.slow
-def test_jax_md_imports_whole_after_mrjax(interpreters):
-    succeeds(interpreters["afterwards"])
+def test_jax_md_imports_whole_after_mrjax():
+    succeeds(AFTERWARDS)
 
 
-def test_submodules_are_attributes_of_jax_md_after_mrjax(interpreters):
-    succeeds(interpreters["attributes"])
+def test_submodules_are_attributes_of_jax_md_after_mrjax():
+    succeeds(ATTRIBUTES)
 
 
-def test_jax_md_may_be_imported_before_mrjax(interpreters):
-    succeeds(interpreters["before"])
+def test_jax_md_may_be_imported_before_mrjax():
+    succeeds(BEFORE)

@@ -51,6 +51,7 @@ def runs(monkeypatch, function):
     return found
 
 
+@pytest.mark.slow
 def test_a_run_in_order_of_space_is_the_same_run(monkeypatch):
     """Sizes, materials, heights, and what contacts remember of whom, of a run and its sequel."""
     state, parameters = suspension()

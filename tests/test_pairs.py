@@ -203,6 +203,7 @@ def test_vmap_gives_each_suspension_its_own_pairs():
 # --- little room, and little to put there ---------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_too_little_room_is_flagged_and_mended():
     box = Box(SIZE, (True, False, False))
     position, radius = scattered(box, seed=7), sizes(seed=7)

@@ -269,6 +269,7 @@ def test_what_pairs_add_to_the_same_particle_is_not_lost():
     np.testing.assert_array_equal(found, [45.0, 90.0])
 
 
+@pytest.mark.slow
 def test_pairs_beyond_the_room_are_neither_read_nor_written():
     """More pairs than places: those that are listed count, and the flag is the list's."""
     box = mrjax.Box((10.0, 10.0, 10.0))

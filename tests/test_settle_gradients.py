@@ -111,6 +111,7 @@ def test_factors_are_one_product(forward):
             )
 
 
+@pytest.mark.slow
 def test_half_the_step_halves_the_error_of_the_law(along):
     """Without friction, in the first frame; where later contacts begin is another matter."""
     coarse, fine = (

@@ -247,6 +247,7 @@ def test_frames_record_the_run(case2):
     assert float(mrjax.mudline_descent(run)[-1]) == near(float(run.mean_velocity[-1]), rel=1e-4)
 
 
+@pytest.mark.slow
 def test_jit_vmap_and_float32(case2):
     state, parameters = mrjax.disperse(case2), case2.parameters()
     step = relaxation(parameters)
@@ -269,6 +270,7 @@ def test_jit_vmap_and_float32(case2):
     assert float(mrjax.settling_velocity(run)) == near(plain, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_vmap_over_random_states(case2):
     parameters = case2.parameters()
     step = relaxation(parameters)
@@ -325,6 +327,7 @@ def test_a_particle_outside_the_walls_is_refused(case2):
         mrjax.simulate(state, case2.parameters(), case2.box, duration=1e-8)
 
 
+@pytest.mark.slow
 def test_an_overfull_list_grows_in_a_plain_call_and_poisons_a_traced_one(case2):
     state, parameters = mrjax.disperse(case2), case2.parameters()
     keywords = {"duration": 1e-8, "time_step": 1e-9, "capacity": 1}

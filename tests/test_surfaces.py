@@ -203,6 +203,7 @@ def struck(state, parameters):
     )
 
 
+@pytest.mark.slow
 def test_every_pair_of_materials_has_its_own_values():
     """One run of three materials against one for each pairing, in which all have its values."""
     state, who = impacts()
