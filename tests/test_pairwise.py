@@ -17,13 +17,12 @@ from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir, partial_eval
 
 import mrjax
-from mrjax import forces, neighbours, pairs
+from mrjax import forces, neighbours, pairs, scan
 from mrjax.history import Memory
 from mrjax.pairs import Pairs
 from mrjax.pairwise import pairwise
 
 operation = importlib.import_module("mrjax.pairwise")
-simulation = importlib.import_module("mrjax.simulate")  # mrjax.simulate is the function
 
 BOTH = ("float64", "float32")
 
@@ -792,14 +791,14 @@ def builds(monkeypatch):
         return build(*given)
 
     monkeypatch.setattr(neighbours, "build", counted)
-    simulation._scan.clear_cache()
+    scan._scan.clear_cache()
     yield seen
-    simulation._scan.clear_cache()
+    scan._scan.clear_cache()
 
 
 def flight(monkeypatch, parameters, state, hurry, duration=1.0, steps=400):
-    monkeypatch.setattr(simulation, "HURRY", hurry)
-    simulation._scan.clear_cache()
+    monkeypatch.setattr(scan, "HURRY", hurry)
+    scan._scan.clear_cache()
     run = mrjax.simulate(
         state,
         parameters,
@@ -825,7 +824,7 @@ RESTING = mrjax.place(GRID + RANDOM.uniform(-0.2, 0.2, GRID.shape))
 def test_lists_that_are_kept_give_what_those_built_anew_give(builds, monkeypatch, start, gravity):
     """They cross many skins of 0.2, and collide; built anew, after every step."""
     parameters = BALLS.replace(gravity=gravity)
-    kept = flight(monkeypatch, parameters, start, simulation.HURRY)
+    kept = flight(monkeypatch, parameters, start, scan.HURRY)
     of_kept = len(builds)
     anew = flight(monkeypatch, parameters, start, 1e9)
     of_anew = len(builds) - of_kept
