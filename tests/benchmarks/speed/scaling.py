@@ -1,7 +1,8 @@
 """What a particle-step and a rebuild of the neighbour list cost, and memory, by the number of them.
 
-A list that is rebuilt in every step against one that is kept, from which what a step and a rebuild
-cost by themselves follows: runs of many particles are too short to keep it as long as others do.
+From step to step: as long as a longer run takes beyond a shorter one, both of many steps with one
+list and of steps with a list each. A run of many particles is too short to be timed as a whole,
+its first list and what else precedes the first step among it.
 """
 
 from collections.abc import Iterator
@@ -9,21 +10,23 @@ from pathlib import Path
 
 import numpy as np
 
-import mrjax
 from mrjax import scan
+from mrjax.scan import Setup, attempt
 from mrjax.schedule import MOST_STEPS_BETWEEN_REBUILDS
 from mrjax.simulate import prepared
 
 from . import memory, process, states, timing
 from .process import Process
 
-WORK = 3e6
-"""Particle-steps of a run."""
-LEAST_STEPS, MOST_STEPS = 16, 10_000
+WORK = 5e7
+"""Particle-steps by which the longer run with one list exceeds the shorter."""
+LEAST_STEPS, MOST_STEPS = 64, 10_000
+FIRST = {"kept": 8, "anew": 1}
+"""Steps of the shorter runs."""
+REBUILDS = 1 / 20
+"""Steps with a list each, as a part of those with one."""
 ALWAYS = 1e30
 """Haste at which a list is never thought fresh, while its program is traced."""
-OFTEN = 0.1
-"""Steps that rebuild the list, each, as a part of those that keep it."""
 LARGE = (40, 57)
 """Tiles along x and y: 502,400 and 1,020,186 particles."""
 
@@ -45,13 +48,8 @@ def _row(folder: Path, tiles: int, repetitions: int, work: float) -> dict:
     with Process("scaling", {"folder": str(folder), "tiles": tiles, "work": work}, 1) as asked:
         of_run = asked.answer()
         found = [asked.again() for _ in range(repetitions)]
-    usual, often = (
-        np.array([one[name] for one in found]) / of_run[f"{name}_steps"]
-        for name in ("usual", "often")
-    )
-    kept = of_run["usual_steps"] / of_run["rebuilds"]
-    rebuild = (often - usual) / (1 - 1 / kept)
-    step = usual - rebuild / kept
+    step, with_rebuild = (np.array([one[name] for one in found]) for name in ("kept", "anew"))
+    rebuild = with_rebuild - step
     at_most = step + rebuild / MOST_STEPS_BETWEEN_REBUILDS
     particles = of_run["particles"]
     return {
@@ -59,55 +57,56 @@ def _row(folder: Path, tiles: int, repetitions: int, work: float) -> dict:
         "seconds_per_particle_step": timing.spread(at_most / particles),
         "rebuild_in_steps": timing.spread(rebuild / step),
         "share_of_rebuilds": timing.spread(rebuild / MOST_STEPS_BETWEEN_REBUILDS / at_most),
-        "share_if_every_step": timing.spread(rebuild / often),
+        "share_if_every_step": timing.spread(rebuild / with_rebuild),
         "peak": of_run["peak"],
         "bytes_per_particle": of_run["peak"] / particles,
     }
 
 
 def here(folder: str, tiles: int, work: float) -> Iterator[dict[str, float]]:
-    """First what the runs are, and the memory of one, then how long both take."""
+    """First the memory of a run, then seconds of a step with a list kept, and with one anew."""
     state, box = states.load(Path(folder), states.SETTLED, tiles)
     parameters = states.dry()
-    # At rest nothing outruns a list that is kept for the most steps there may be.
-    affordable = int(np.clip(work / state.particles, LEAST_STEPS, MOST_STEPS))
-    between = min(MOST_STEPS_BETWEEN_REBUILDS, affordable)
-    whole = affordable // between * between
-    steps = {"usual": whole, "often": max(2, int(OFTEN * whole))}
-    every = {"usual": between, "often": 1}
-    chosen = {"time_step": states.TIME_STEP, "skin": states.SKIN}
+    steps = int(np.clip(work / state.particles, LEAST_STEPS, MOST_STEPS))
+    more = {"kept": steps, "anew": max(2, int(REBUILDS * steps))}
 
-    def follow(name: str) -> mrjax.Run:
-        return mrjax.simulate(
+    def until(step: int, rebuild_every: int) -> Setup:
+        return prepared(
             state,
             parameters,
             box,
-            duration=steps[name] * states.TIME_STEP,
-            rebuild_every=every[name],
-            **chosen,
+            duration=step * states.TIME_STEP,
+            frames=1,
+            time_step=states.TIME_STEP,
+            skin=states.SKIN,
+            rebuild_every=rebuild_every,
         )
 
-    follow("usual")
-    kept, scan.HURRY = scan.HURRY, ALWAYS
-    follow("often")
-    scan.HURRY = kept
-    cuts = prepared(
-        state,
-        parameters,
-        box,
-        duration=steps["usual"] * states.TIME_STEP,
-        frames=1,
-        rebuild_every=between,
-        **chosen,
-    ).cuts
+    def seconds(setup: Setup) -> float:
+        return timing.seconds(lambda: attempt(state, parameters, None, box, setup))
+
+    # At rest nothing outruns a list that is kept for a whole run.
+    runs = {
+        name: [until(step, step if name == "kept" else 1) for step in (first, first + more[name])]
+        for name, first in FIRST.items()
+    }
+    hurry = scan.HURRY
+    for name, both in runs.items():
+        scan.HURRY = hurry if name == "kept" else ALWAYS
+        for setup in both:
+            if int(attempt(state, parameters, None, box, setup).fault):
+                raise RuntimeError(f"{state.particles:,} particles at rest: a run has a fault")
+    scan.HURRY = hurry
+    longest = runs["kept"][1]
     yield {
         "particles": state.particles,
-        "peak": memory.taken(lambda: follow("usual")),
-        "rebuilds": cuts.intervals,
-        **{f"{name}_steps": number for name, number in steps.items()},
+        "peak": memory.taken(lambda: attempt(state, parameters, None, box, longest)),
     }
     while True:
-        yield {name: timing.seconds(lambda name=name: follow(name)) for name in steps}
+        yield {
+            name: (seconds(longer) - seconds(shorter)) / more[name]
+            for name, (shorter, longer) in runs.items()
+        }
 
 
 if __name__ == "__main__":
