@@ -13,7 +13,6 @@ import numpy as np
 from mrjax import scan
 from mrjax.scan import Setup, attempt
 from mrjax.schedule import MOST_STEPS_BETWEEN_REBUILDS
-from mrjax.simulate import prepared
 
 from . import memory, process, states, timing
 from .process import Process
@@ -70,24 +69,15 @@ def here(folder: str, tiles: int, work: float) -> Iterator[dict[str, float]]:
     steps = int(np.clip(work / state.particles, LEAST_STEPS, MOST_STEPS))
     more = {"kept": steps, "anew": max(2, int(REBUILDS * steps))}
 
-    def until(step: int, rebuild_every: int) -> Setup:
-        return prepared(
-            state,
-            parameters,
-            box,
-            duration=step * states.TIME_STEP,
-            frames=1,
-            time_step=states.TIME_STEP,
-            skin=states.SKIN,
-            rebuild_every=rebuild_every,
-        )
-
     def seconds(setup: Setup) -> float:
         return timing.seconds(lambda: attempt(state, parameters, None, box, setup))
 
     # At rest nothing outruns a list that is kept for a whole run.
     runs = {
-        name: [until(step, step if name == "kept" else 1) for step in (first, first + more[name])]
+        name: [
+            states.dry_run(state, box, step, rebuild_every=step if name == "kept" else 1)
+            for step in (first, first + more[name])
+        ]
         for name, first in FIRST.items()
     }
     hurry = scan.HURRY

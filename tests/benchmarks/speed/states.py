@@ -14,6 +14,8 @@ from mrjax.dropped import ELASTIC_MODULUS, REST, RESTITUTION
 from mrjax.overlap import OVERLAP
 from mrjax.parameters import Parameters
 from mrjax.recipe import Recipe
+from mrjax.scan import Setup
+from mrjax.simulate import prepared
 from mrjax.state import State
 
 FRICTION = 0.5
@@ -43,6 +45,20 @@ def dry() -> Parameters:
             friction=FRICTION,
             restitution=RESTITUTION,
         )
+    )
+
+
+def dry_run(state: State, box: Box, steps: int, rebuild_every: int | None = None) -> Setup:
+    """So many steps of the particles in a vacuum, in one frame."""
+    return prepared(
+        state,
+        dry(),
+        box,
+        duration=steps * TIME_STEP,
+        frames=1,
+        time_step=TIME_STEP,
+        skin=SKIN,
+        rebuild_every=rebuild_every,
     )
 
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from mrjax.run import Run
 from mrjax.scan import Setup, attempt
-from mrjax.simulate import prepared
 
 from . import liggghts, process, states, timing
 from .process import Process
@@ -92,15 +91,7 @@ def here(
     parameters = states.dry()
 
     def until(step: int) -> tuple[Setup, Run]:
-        setup = prepared(
-            state,
-            parameters,
-            box,
-            duration=step * states.TIME_STEP,
-            frames=1,
-            time_step=states.TIME_STEP,
-            skin=states.SKIN,
-        )
+        setup = states.dry_run(state, box, step)
         while int((run := attempt(state, parameters, None, box, setup)).fault):
             setup = setup.mended(run)
         return setup, run
