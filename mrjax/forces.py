@@ -54,10 +54,10 @@ class Loads(NamedTuple):
     force: Array  # N, (3, N)
     torque: Array  # N m, (3, N)
     memory: Memory
-    overlap: Array  # of the contacts, m; 0 where apart; (P,)
+    deepest: Array  # overlap of each pair so far, m; (P,)
 
 
-Law = Callable[[Array, Array, Array, Memory], Loads]
+Law = Callable[[Array, Array, Array, Memory, Array], Loads]
 
 
 def total(
@@ -78,9 +78,9 @@ def total(
       time_step: by which the contacts' memory advances at every evaluation.
 
     Returns:
-      law(listed) for the pairs of a list. It returns loads(displacement, velocity, spin, memory):
-      what has been travelled since it was built, velocities and spins, (3, N) each, and the memory
-      of the contacts.
+      law(listed) for the pairs of a list. It returns loads(displacement, velocity, spin, memory,
+      deepest): what has been travelled since it was built, velocities and spins, (3, N) each, the
+      memory of the contacts, and the deepest overlap of each pair before, (P,).
     """
     radius = particle.outer_radius(parameters)
     weight = per_particle(particle.net_weight(parameters), particles)
@@ -111,26 +111,28 @@ def total(
         def acting(first: list, second: list, pair: list, common: list):
             meeting = _meeting(*bodies(first, second, common), *pair[:2])
             left = iter(pair[2:])
-            memory = remembered(left)
+            memory, deepest = remembered(left), next(left)
             values = dict(zip(same, *common, strict=False)) if same else {}
             values |= dict(zip(each, next(left, ()), strict=True))
             of_pair = Surfaces(*(values[i] for i in range(len(constants))))
             force, turning, new = _contact(meeting, of_pair, memory, laws, time_step)
             mine, theirs = ([], []) if turning is None else ([turning[0]], [turning[1]])
             kept = [of for of in (new.sliding, new.rolling) if of is not None]
-            overlap = lax.stop_gradient(meeting.overlap)  # to look at: no force reads it
-            return [force, *mine], [times(-1.0, force), *theirs], [*kept, overlap]
+            # To look at: no force reads it.
+            deepest = lax.stop_gradient(jnp.maximum(deepest, meeting.overlap))
+            return [force, *mine], [times(-1.0, force), *theirs], [*kept, deepest]
 
-        def loads(displacement, velocity, spin, memory: Memory) -> Loads:
+        def loads(displacement, velocity, spin, memory: Memory, deepest: Array) -> Loads:
             before = [of for of in (memory.sliding, memory.rolling) if of is not None]
             (force, *torque), kept = pairwise(
                 acting,
                 touching,
                 listed,
                 [displacement, velocity, spin, *([radius] if jnp.ndim(radius) else [])],
-                [separation, listed.axis, *before, *by_pair],
+                [separation, listed.axis, *before, deepest, *by_pair],
                 of_all,
-                replaced=range(2, 2 + len(before)),
+                replaced=range(2, 3 + len(before)),
+                lasting=1,
             )
             left = iter(kept)
             force = pull + force

@@ -64,23 +64,28 @@ def mean_decay(exponent: Array) -> Array:
     return jnp.where(small, series, -jnp.expm1(-large) / large)
 
 
+def drifted(position: Array, velocity: Array, time: float) -> Array:
+    """Positions after a time, or before where it is negative, at these velocities; (3, N)."""
+    return position + time * velocity
+
+
 def step(
-    position: Array,
+    half_way: Array,
     velocity: Array,
     force: Callable[[Array, Array], tuple[Array, Kick, Noted]],
     time_step: float,
 ) -> tuple[Array, Array, Noted]:
-    """One step of all particles.
+    """One step of all particles, from the middle of its way to that of the next.
 
     Args:
-      position, velocity: (3, N).
-      force: of positions half-way and velocities: everything but the drag, (3, N), what the drag
-        makes of this step, and a value that is handed on.
+      half_way: positions in the middle, x_{n+1/2}, (3, N): `drifted` by half a step.
+      velocity: v_n, (3, N).
+      force: of these: everything but the drag, (3, N), what the drag makes of this step, and a
+        value that is handed on.
 
     Returns:
-      position, velocity and the last value of `force`.
+      x_{n+3/2}, v_{n+1} and the last value of `force`.
     """
-    half_way = position + 0.5 * time_step * velocity
     acting, kick, noted = force(half_way, velocity)
     velocity = kicked(velocity, acting, kick)
-    return half_way + 0.5 * time_step * velocity, velocity, noted
+    return drifted(half_way, velocity, time_step), velocity, noted

@@ -54,7 +54,7 @@ def coordination_number(state: State, parameters: Parameters, box: Box) -> Array
       InputError: parameters that do not fit the state.
     """
     listed, found, _ = _moment(state, parameters, box)
-    touching = found.overlap > 0.0
+    touching = found.deepest > 0.0
     if listed.wall is not None:
         touching &= ~listed.wall
     count = touching.astype(jnp.int32)
@@ -87,7 +87,7 @@ def normal_forces(state: State, parameters: Parameters, box: Box) -> Touching:
     listed, found, units = _moment(state, parameters, box)
     reduced = _reduced(parameters, units, state)
     separation = np.stack([np.asarray(part) for part in listed.separation], axis=1)
-    touching = np.asarray(found.overlap > 0.0)
+    touching = np.asarray(found.deepest > 0.0)
     velocity = np.asarray(state.velocity) / units.velocity
     walls = np.zeros((pairs.WALLS, 3), velocity.dtype)
     of_second = np.concatenate([velocity, walls])[np.asarray(listed.second)]
@@ -95,7 +95,7 @@ def normal_forces(state: State, parameters: Parameters, box: Box) -> Touching:
     towards = (separation * (velocity[np.asarray(listed.first)] - of_second)).sum(axis=1)
     constants = surfaces.of(reduced, state.material, listed)
     force = contact.normal_force(
-        found.overlap,
+        found.deepest,
         jnp.asarray(-towards / np.where(distance > 0.0, distance, 1.0)),
         constants.modulus,
         constants.radius,
@@ -148,6 +148,7 @@ def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, Load
         state.velocity.T / units.velocity,
         state.spin.T * units.time,
         history.begun(notes, listed),
+        jnp.zeros_like(position, shape=plan.pairs),
     )
     return listed, found, units
 

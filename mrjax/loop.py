@@ -9,11 +9,13 @@ from dataclasses import dataclass
 from enum import Enum
 from functools import cached_property
 from math import prod
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.extend.core import ClosedJaxpr, Literal, jaxpr_as_fun
+from jax.interpreters import partial_eval
 
 
 class Kind(Enum):
@@ -43,6 +45,14 @@ class Leaf:
         return self.rows + own
 
 
+class Replaced(NamedTuple):
+    """An output for pairs that stands where an input did: places without a pair are left alone."""
+
+    given: int  # of the inputs
+    taken: int  # of the outputs
+    lasting: bool  # whether pairs apart keep what they had; else they have zeros
+
+
 Place = tuple[int, int, bool]
 """Of a scalar: index of the leaf, row, and whether it belongs to the second of the pair."""
 
@@ -61,7 +71,7 @@ def places(leaves: tuple[Leaf, ...]) -> list[Place]:
 class Loop:
     """What is done for every pair whose surfaces touch; others add nothing, and have zeros.
 
-    All outputs are of one dtype.
+    All outputs are of one dtype. What takes an input's place keeps it where no pair is listed.
     """
 
     law: ClosedJaxpr  # the scalars of `inputs` to those of `outputs`
@@ -69,7 +79,7 @@ class Loop:
     inputs: tuple[Leaf, ...]
     outputs: tuple[Leaf, ...]
     linear: int = 0  # of so many inputs, the last, the outputs are a linear function
-    in_place: tuple[tuple[int, int], ...] = ()  # inputs whose memory outputs may take, of pairs
+    in_place: tuple[Replaced, ...] = ()
 
     @staticmethod
     def traced(
@@ -78,6 +88,7 @@ class Loop:
         inputs: tuple[Leaf, ...],
         results: list[tuple[Kind, tuple[int, ...]]],
         replaced: tuple[int, ...] = (),
+        lasting: int = 0,
     ) -> "Loop":
         """From functions of scalars to lists of them.
 
@@ -85,7 +96,8 @@ class Loop:
           law, touching: the functions.
           inputs: where their arguments come from.
           results: kind and rows of the outputs, known when `law` has been traced.
-          replaced: inputs whose memory the first outputs for pairs may take.
+          replaced: inputs whose place the first outputs for pairs take.
+          lasting: of so many of these, the last, pairs apart keep what they had.
         """
         scalars = [jax.ShapeDtypeStruct((), inputs[n].dtype) for n, _, _ in places(inputs)]
         traced = jax.make_jaxpr(law)(*scalars)
@@ -93,7 +105,11 @@ class Loop:
         outputs = tuple(Leaf(kind, rows, dtype) for kind, rows in results)
         looked = jax.make_jaxpr(touching)(*scalars)
         sums = sum(kind is Kind.PARTICLE for kind, _ in results)
-        in_place = tuple((given, sums + taken) for taken, given in enumerate(replaced))
+        first_lasting = len(replaced) - lasting
+        in_place = tuple(
+            Replaced(given, sums + number, number >= first_lasting)
+            for number, given in enumerate(replaced)
+        )
         return Loop(traced, looked, inputs, outputs, in_place=in_place)
 
     @property
@@ -162,7 +178,10 @@ class Loop:
         traced = _traced(changes, self.scalars + [self.scalars[i] for i in varied])
         moved = _dependent(traced, count)
         outputs = places(self.outputs)
-        some = sorted({n for (n, _, _), of in zip(outputs, moved, strict=True) if of})
+        some = sorted(
+            {n for (n, _, _), of in zip(outputs, moved, strict=True) if of}
+            | {of.taken for of in self.in_place if of.given in live}
+        )
         kept = [i for i, (n, _, _) in enumerate(outputs) if n in some]
 
         def those_that_change(*scalars):
@@ -176,9 +195,9 @@ class Loop:
             tuple(self.outputs[n] for n in some),
             len(live),
             tuple(
-                (len(self.inputs) + live.index(i), some.index(n))
-                for i, n in self.in_place
-                if i in live and n in some
+                Replaced(len(self.inputs) + live.index(given), some.index(taken), lasting)
+                for given, taken, lasting in self.in_place
+                if given in live
             ),
         )
         return loop, tuple(some)
@@ -199,7 +218,7 @@ class Loop:
             change.inputs,
             self.outputs + change.outputs,
             in_place=self.in_place
-            + tuple((given, len(self.outputs) + taken) for given, taken in change.in_place),
+            + tuple(of._replace(taken=len(self.outputs) + of.taken) for of in change.in_place),
         )
 
     def transposed(self, live: tuple[int, ...]) -> "Loop":
@@ -221,7 +240,9 @@ class Loop:
             jax.ShapeDtypeStruct((), given[n].dtype) for n, _, _ in places(given)
         ]
         back = tuple(
-            (len(fixed) + live.index(n), i - len(fixed)) for i, n in self.in_place if n in live
+            Replaced(len(fixed) + live.index(taken), given - len(fixed), lasting)
+            for given, taken, lasting in self.in_place
+            if taken in live
         )
         traced = _traced(backwards, kinds)
         return Loop(traced, self.touching, fixed + given, linear, len(given), back)
@@ -231,7 +252,8 @@ class Loop:
 
         Args:
           times: T, of an input (C, N) to (T, C, N).
-          several: for each linear input whether there are many, or one that serves all.
+          several: for each linear input whether there are many, or one that serves all; there must
+            be many of what is replaced.
         """
         law = jaxpr_as_fun(self.law)
         fixed, linear = self.inputs[: -self.linear], self.changes
@@ -264,8 +286,42 @@ class Loop:
             jax.ShapeDtypeStruct((), wide[n].dtype) for n, _, _ in places(wide)
         ]
         traced = _traced(each, kinds)
-        same = tuple((i, n) for i, n in self.in_place if several[i - len(fixed)])
-        return Loop(traced, self.touching, fixed + wide, outputs, self.linear, same)
+        return Loop(traced, self.touching, fixed + wide, outputs, self.linear, self.in_place)
+
+    def without_idle(self) -> tuple["Loop", tuple[int, ...]]:
+        """The same without the inputs that it does not read, and the indices of those that stay."""
+        given = places(self.inputs)
+        stay = {given[scalar][0] for of in (self.law, self.touching) for scalar in _read(of)}
+        stay |= {of.given for of in self.in_place}
+        stay |= set(range(len(self.inputs) - self.linear, len(self.inputs)))
+        left = sorted(stay)
+        inputs = tuple(self.inputs[n] for n in left)
+
+        def of_less(program: ClosedJaxpr) -> ClosedJaxpr:
+            of_all = given[: len(program.jaxpr.invars)]
+            kinds = [jax.ShapeDtypeStruct((), self.inputs[n].dtype) for n, _, _ in of_all]
+
+            def evaluated(*scalars):
+                some = iter(scalars)
+                full = [
+                    next(some) if n in stay else jnp.zeros((), kind.dtype)
+                    for (n, _, _), kind in zip(of_all, kinds, strict=True)
+                ]
+                return jaxpr_as_fun(program)(*full)
+
+            kept = zip(of_all, kinds, strict=True)
+            return _traced(evaluated, [kind for (n, _, _), kind in kept if n in stay])
+
+        in_place = tuple(of._replace(given=left.index(of.given)) for of in self.in_place)
+        loop = Loop(
+            of_less(self.law),
+            of_less(self.touching),
+            inputs,
+            self.outputs,
+            self.linear,
+            in_place,
+        )
+        return loop, tuple(left)
 
     def in_arrays(self, first, second, count, *leaves):
         """The same by gathers and scatters of whole arrays: for other processors, and for tests."""
@@ -291,8 +347,12 @@ class Loop:
             jnp.zeros((leaf.width, *shape[len(leaf.rows) :]), leaf.dtype)
             for shape, leaf in zip(shapes, self.outputs, strict=True)
         ]
+        for given, taken, lasting in self.in_place:
+            before = leaves[given].reshape(results[taken].shape)
+            results[taken] = before if lasting else jnp.where(listed, 0, before)
         for (n, row, of_second), value in zip(places(self.outputs), values, strict=True):
-            value = jnp.where(touching & listed, value, 0)
+            elsewhere = results[n][row] if self.outputs[n].kind is Kind.PAIR else 0
+            value = jnp.where(touching & listed, value, elsewhere)
             kind = self.outputs[n].kind
             if kind is Kind.ALL:
                 results[n] = results[n].at[row].set(jnp.sum(value))
@@ -306,6 +366,13 @@ class Loop:
 
 def _traced(function, scalars: list[jax.ShapeDtypeStruct]) -> ClosedJaxpr:
     return jax.make_jaxpr(function)(*scalars)
+
+
+def _read(closed: ClosedJaxpr) -> list[int]:
+    """The arguments on which a result depends, by number."""
+    every = [True] * len(closed.jaxpr.outvars)
+    _, read = partial_eval.dce_jaxpr(closed.jaxpr, every)
+    return [number for number, of in enumerate(read) if of]
 
 
 def _dependent(closed: ClosedJaxpr, count: int) -> list[bool]:

@@ -88,7 +88,7 @@ def _module(loop: Loop, particles: int, room: int) -> ir.Module:
     module = ir.Module("pairs")
     operands = 3 + len(loop.inputs)
     pointers = [POINTER] * (operands + len(loop.outputs))
-    shared = {at for given, taken in loop.in_place for at in (3 + given, operands + taken)}
+    shared = {at for of in loop.in_place for at in (3 + of.given, operands + of.taken)}
 
     def function(name: str, *more: ir.Type) -> ir.Function:
         kind = ir.FunctionType(ir.VoidType(), [*pointers, *more])
@@ -146,7 +146,8 @@ class _Body:
 
         Args:
           law: for those that touch.
-          begin, end: the pairs. The places from the end to before `past` are empty.
+          begin, end: the pairs. The places from the end to before `past` are empty, and zeros are
+            written there but where an output takes an input's place.
           low, high: particles from the first to before the second are added to, no others.
         """
         build, loop = self.build, self.loop
@@ -170,9 +171,10 @@ class _Body:
                         build.call(law, [*self.arguments, found, more])
                         build.store(LONG(0), met)
                 with apart:
+                    lasting = {of.taken for of in loop.in_place if of.lasting}
                     for place in places(loop.outputs):
                         leaf = loop.outputs[place[0]]
-                        if leaf.kind is Kind.PAIR:
+                        if leaf.kind is Kind.PAIR and place[0] not in lasting:
                             at = self.place(self.outputs[place[0]], leaf, place[1], pair)
                             build.store(TYPES[leaf.dtype](0.0), at)
         left = build.load(met, typ=LONG)
@@ -181,8 +183,9 @@ class _Body:
             with counted(build, left, LONG(lanes)) as lane:  # pairs to fill the vector up
                 build.store(first, build.gep(found, [lane], source_etype=LONG))
             build.call(law, [*self.arguments, found, left])
-        for pointer, leaf in zip(self.outputs, loop.outputs, strict=True):
-            if leaf.kind is Kind.PAIR:
+        in_place = {of.taken for of in loop.in_place}
+        for index, (pointer, leaf) in enumerate(zip(self.outputs, loop.outputs, strict=True)):
+            if leaf.kind is Kind.PAIR and index not in in_place:
                 self.clear(pointer, leaf, end, past)
         build.ret_void()
 

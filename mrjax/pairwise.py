@@ -34,6 +34,7 @@ def pairwise(
     of_pairs: Given,
     of_all: Given,
     replaced: Sequence[int] = (),
+    lasting: int = 0,
 ) -> tuple[list[Array], list[Array]]:
     """Sums a law over the pairs that touch.
 
@@ -48,7 +49,8 @@ def pairwise(
       of_pairs: arrays (P,) or (C, P).
       of_all: arrays () or (C,).
       replaced: indices into `of_pairs`; what is kept first takes the place of the first of these,
-        in memory too, and so on. Of the same shape.
+        in memory too, and so on. Of the same shape. Where no pair is present they stay as they are.
+      lasting: of so many of these, the last, pairs that are not evaluated keep what they had.
 
     Returns:
       Sums for the particles, (N,) or (C, N), and what is kept, (P,) or (C, P).
@@ -100,6 +102,7 @@ def pairwise(
         inputs,
         results,
         tuple(len(of_particles) + index for index in replaced),
+        lasting,
     )
     ends = (of.astype(jnp.int32) for of in (listed.first, listed.second))
     count = jnp.sum(listed.present, dtype=jnp.int32)
@@ -166,7 +169,8 @@ def _batched(operands, axes, *, loop: Loop):
     operands, several = _in_front(operands, axes)
     together = _together(operands, several, loop)
     if together is not None:
-        found = pairwise_p.bind(*operands, loop=together)
+        operands, loop = together
+        found = pairwise_p.bind(*operands, loop=loop)
     else:
         found = lax.map(
             lambda members: pairwise_p.bind(*_filled(operands, several, members), loop=loop),
@@ -185,13 +189,18 @@ def _in_front(operands, axes) -> tuple[list, list[bool]]:
     return moved, several
 
 
-def _together(operands: list, several: list[bool], loop: Loop) -> Loop | None:
+def _together(operands: list, several: list[bool], loop: Loop) -> tuple[list, Loop] | None:
     """One loop for all members, which must not be many, and differ in the changes only."""
     fixed = len(operands) - loop.linear
     size = len(operands[several.index(True)])
     if any(several[:fixed]) or size > AT_ONCE:
         return None
-    return loop.repeated(size, tuple(several[fixed:]))
+    operands, several = list(operands), list(several)
+    for index in (3 + of.given for of in loop.in_place):
+        if not several[index]:
+            operands[index] = jnp.broadcast_to(operands[index], (size, *operands[index].shape))
+            several[index] = True
+    return operands, loop.repeated(size, tuple(several[fixed:]))
 
 
 def _filled(operands: list, several: list[bool], members: list) -> list:
@@ -236,7 +245,8 @@ def _both_batched(operands, axes, *, loop: Loop, change: Loop):
     alone, count = operands[: -change.linear], len(loop.outputs)
     together = _together(operands, several, change)
     if together is not None:
-        found = with_change_p.bind(*operands, loop=loop, change=together)
+        operands, change = together
+        found = with_change_p.bind(*operands, loop=loop, change=change)
         return found, [batching.not_mapped] * count + [0] * (len(found) - count)
     axes = [0 if of else batching.not_mapped for of in several]
     if any(several[: -change.linear]):
@@ -248,8 +258,13 @@ def _both_batched(operands, axes, *, loop: Loop, change: Loop):
 
 
 def _both_split(trace, *tracers, loop: Loop, change: Loop):
-    """The loop where its operands are known, and the change still to be transposed."""
+    """The loop where its operands are known, and the change still to be transposed.
+
+    What the change does not read need not be kept for it.
+    """
     found = trace.process_primitive(pairwise_p, tracers[: -change.linear], {"loop": loop})
+    change, stay = change.without_idle()
+    tracers = (*tracers[:3], *(tracers[3 + n] for n in stay))
     return [*found, *trace.process_primitive(pairwise_p, tracers, {"loop": change})]
 
 
@@ -281,7 +296,7 @@ def _compiled(context, *operands, loop: Loop):
     particles, (room,) = loop.particles(shapes[3:]), shapes[0]
     lower = jax.ffi.ffi_lowering(
         machine_code.registered(loop, particles, room),
-        operand_output_aliases={3 + given: taken for given, taken in loop.in_place},
+        operand_output_aliases={3 + of.given: of.taken for of in loop.in_place},
     )
     parts = machine_code.parts(room)
     if parts == 1:

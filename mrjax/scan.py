@@ -245,30 +245,31 @@ def _scan(
         loads = law(listed)
 
         def step(carry, _):
-            travelled, velocity, spin, memory, deepest, farthest = carry
+            half_way, velocity, spin, memory, deepest, farthest = carry
 
             def acting(half_way: Array, velocity: Array):
-                found = loads(half_way, velocity, spin, memory)
+                found = loads(half_way, velocity, spin, memory, deepest)
                 straight, turning = everywhere if hindrance is None else kicks(origin + half_way)
                 return found.force, straight, (found, turning)
 
-            travelled, velocity, (found, turning) = leapfrog.step(travelled, velocity, acting, 1.0)
+            half_way, velocity, (found, turning) = leapfrog.step(half_way, velocity, acting, 1.0)
             spin = leapfrog.kicked(spin, found.torque, turning)
-            farthest = jnp.maximum(farthest, lax.stop_gradient(sum(travelled**2)))
-            deepest = jnp.fmax(deepest, lax.stop_gradient(found.overlap))
-            return (travelled, velocity, spin, found.memory, deepest, farthest), None
+            farthest = jnp.maximum(farthest, lax.stop_gradient(sum(half_way**2)))
+            return (half_way, velocity, spin, found.memory, found.deepest, farthest), None
 
+        half_way = leapfrog.drifted(motion.travelled, motion.velocity, 0.5)
         begin = (
-            motion.travelled,
+            half_way,
             motion.velocity,
             motion.spin,
             motion.memory,
             jnp.zeros_like(position, shape=plan.pairs),
-            jnp.zeros(particles, dtype),
+            lax.stop_gradient(sum(half_way**2)),
         )
-        (travelled, velocity, spin, memory, deepest, farthest), _ = lax.scan(
+        (half_way, velocity, spin, memory, deepest, farthest), _ = lax.scan(
             step, begin, length=cuts.steps
         )
+        travelled = leapfrog.drifted(half_way, velocity, -0.5)
         outran = (2.0 * jnp.sqrt(jnp.max(farthest)) > skin_left) & (particles > 1)
         fault = motion.fault | jnp.where(outran, int(Fault.OUTRAN_LIST), 0)
         constants = surfaces.of(parameters, material, listed)

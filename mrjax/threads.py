@@ -1,6 +1,8 @@
 """Parts of one call, each taken by whichever of XLA's threads is free, or by the caller.
 
-Threads draw the numbers of parts from one counter; who does which is chance, what is done is not.
+Threads draw from one counter the right to do a part. The caller does them from the first on, others
+from the last, so that each meets mostly what it had in the call before and has in its own memory;
+how many each does is chance, what is done is not.
 The caller waits for parts that others have begun, but for no thread to begin: one that comes late
 finds nothing left to do. Until then the job's place in memory is kept, which is why it outlives the
 call.
@@ -11,12 +13,14 @@ import os
 from llvmlite import ir
 
 from mrjax.frame import Frame
-from mrjax.instructions import INT, LONG, POINTER, as_word, counted
+from mrjax.instructions import BIT, INT, LONG, POINTER, as_word, counted
 
 JOBS = 16
 """Calls of one loop that may be under way with help; any more do their parts themselves."""
 # Words of eight bytes at the beginning of a job, before those that its parts read and write.
-USERS, DRAWN, DONE, WORDS = 0, 1, 2, 3
+USERS, DRAWN, DONE, LAST, WORDS = 0, 1, 2, 3, 5
+STAGES = WORDS - LAST
+"""The most there may be; of each is counted what has been drawn from the last part on."""
 
 
 def word(build: ir.IRBuilder, words: ir.Value, index: int | ir.Value) -> ir.Value:
@@ -37,6 +41,7 @@ def run(
       given: the first words of the job.
       spare: words after them, for the parts to write.
     """
+    assert len(stages) <= STAGES
     build, module = frame.build, frame.build.module
     size = WORDS + len(given) + spare
     work = _work(module, stages, parts)
@@ -61,7 +66,7 @@ def run(
                 build.store(wanted, helpers)
 
     place = build.load(job, typ=POINTER)
-    for index in (DRAWN, DONE):
+    for index in range(DRAWN, WORDS):
         build.store(LONG(0), word(build, place, index))
     for index, value in enumerate(given, start=WORDS):
         build.store(as_word(build, value), word(build, place, index))
@@ -69,16 +74,19 @@ def run(
         refused = build.not_(frame.schedule(task, place))
         with build.if_then(refused):
             _left(build, place)
-    build.call(work, [place])
+    build.call(work, [place, BIT(1)])
     _wait(build, place, len(stages) * parts)
     _left(build, place)
 
 
 def _work(module: ir.Module, stages: list[ir.Function], parts: int) -> ir.Function:
-    """Draws parts and does them until none is left."""
-    work = _function(module, "work")
-    (job,) = work.args
+    """Does parts until none is left, as the caller or as another."""
+    work = _function(module, "work", BIT)
+    job, calling = work.args
     build = ir.IRBuilder(work.append_basic_block())
+    own = [build.alloca(LONG) for _ in stages]
+    for count in own:
+        build.store(LONG(0), count)
     again = work.append_basic_block()
     build.branch(again)
     build.position_at_end(again)
@@ -86,12 +94,18 @@ def _work(module: ir.Module, stages: list[ir.Function], parts: int) -> ir.Functi
     with build.if_then(build.icmp_signed(">=", drawn, LONG(len(stages) * parts))):
         build.ret_void()
     words = word(build, job, WORDS)
-    for number, stage in enumerate(stages):
-        part = build.sub(drawn, LONG(number * parts))
-        mine = build.icmp_unsigned("<", part, LONG(parts))
-        with build.if_then(mine):
+    for number, (stage, count) in enumerate(zip(stages, own, strict=True)):
+        place = build.sub(drawn, LONG(number * parts))
+        with build.if_then(build.icmp_unsigned("<", place, LONG(parts))):
             _wait(build, job, number * parts)
-            build.call(stage, [words, part])
+            with build.if_else(calling) as (first, last):
+                with first:
+                    part = build.load(count, typ=LONG)
+                    build.store(build.add(part, LONG(1)), count)
+                    build.call(stage, [words, part])
+                with last:
+                    before = build.atomic_rmw("add", word(build, job, LAST + number), LONG(1), "acq_rel")
+                    build.call(stage, [words, build.sub(LONG(parts - 1), before)])
     build.atomic_rmw("add", word(build, job, DONE), LONG(1), "acq_rel")
     build.branch(again)
     return work
@@ -101,7 +115,7 @@ def _task(module: ir.Module, work: ir.Function) -> ir.Function:
     """What another thread is asked to call."""
     task = _function(module, "task")
     build = ir.IRBuilder(task.append_basic_block())
-    build.call(work, task.args)
+    build.call(work, [*task.args, BIT(0)])
     _left(build, task.args[0])
     build.ret_void()
     return task
@@ -134,7 +148,7 @@ def _left(build: ir.IRBuilder, job: ir.Value) -> None:
     build.atomic_rmw("sub", word(build, job, USERS), LONG(1), "acq_rel")
 
 
-def _function(module: ir.Module, name: str) -> ir.Function:
-    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [POINTER]), name)
+def _function(module: ir.Module, name: str, *more: ir.Type) -> ir.Function:
+    function = ir.Function(module, ir.FunctionType(ir.VoidType(), [POINTER, *more]), name)
     function.linkage = "internal"
     return function

@@ -233,7 +233,7 @@ def test_contacts_are_what_gathers_and_scatters_give(laws, mixed, dtype):
     touches = np.random.default_rng(1).uniform(size=40) < 0.6
     found = compare(meeting(touches, laws, dtype, seed=2, mixed=mixed))
     assert np.abs(found.force).max() > 0.1
-    np.testing.assert_array_equal(found.overlap[:40] > 0.0, touches)
+    np.testing.assert_array_equal(found.deepest[:40] > 0.0, touches)
     assert found.torque.any() == (laws.sliding or laws.rolling)
 
 
@@ -250,7 +250,7 @@ TAILS = [
 def test_any_number_of_pairs_that_touch(touches, dtype):
     """Vectors that are full, begun or empty; room for more pairs, or for none."""
     found = compare(meeting(touches, dtype=dtype, seed=len(touches), spare=MOST - len(touches)))
-    np.testing.assert_array_equal(found.overlap != 0.0, touches + [False] * (MOST - len(touches)))
+    np.testing.assert_array_equal(found.deepest != 0.0, touches + [False] * (MOST - len(touches)))
     for kept in (found.memory.sliding, found.memory.rolling):
         assert not kept[:, len(touches) :].any()
     assert np.isfinite(found.force).all()
