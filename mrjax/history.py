@@ -62,13 +62,13 @@ class Notes:
         """What the holders know of their partners, ids (P,); 0 of those they never met."""
         # At most one slot knows each partner.
         same = self.partner[:, holder] == partner[None, :]
+        slots = jnp.arange(len(same), dtype=holder.dtype)[:, None]
+        known, slot = jnp.any(same, axis=0), jnp.sum(jnp.where(same, slots, 0), axis=0)
 
         def found(vector: Vector | None) -> Vector | None:
             if vector is None:
                 return None
-            return jnp.stack(
-                [jnp.sum(jnp.where(same, part[:, holder], 0.0), axis=0) for part in vector]
-            )
+            return jnp.stack([jnp.where(known, part[slot, holder], 0.0) for part in vector])
 
         return Memory(found(self.sliding), found(self.rolling))
 

@@ -244,7 +244,7 @@ def _scan(
         listed, origin = motion.listed, motion.origin
         loads = law(listed)
 
-        def step(carry, _):
+        def step(carry, looked_at):
             half_way, velocity, spin, memory, deepest, farthest = carry
 
             def acting(half_way: Array, velocity: Array):
@@ -254,7 +254,8 @@ def _scan(
 
             half_way, velocity, (found, turning) = leapfrog.step(half_way, velocity, acting, 1.0)
             spin = leapfrog.kicked(spin, found.torque, turning)
-            farthest = jnp.maximum(farthest, lax.stop_gradient(sum(half_way**2)))
+            gone = lax.stop_gradient(sum(half_way**2))
+            farthest = jnp.maximum(farthest, jnp.where(looked_at, gone, 0.0))
             return (half_way, velocity, spin, found.memory, found.deepest, farthest), None
 
         half_way = leapfrog.drifted(motion.travelled, motion.velocity, 0.5)
@@ -266,9 +267,9 @@ def _scan(
             jnp.zeros_like(position, shape=plan.pairs),
             lax.stop_gradient(sum(half_way**2)),
         )
-        (half_way, velocity, spin, memory, deepest, farthest), _ = lax.scan(
-            step, begin, length=cuts.steps
-        )
+        # Contacts are looked at half-way. Where the last step leads is for the next interval to see.
+        looked_at = np.arange(cuts.steps) < cuts.steps - 1
+        (half_way, velocity, spin, memory, deepest, farthest), _ = lax.scan(step, begin, looked_at)
         travelled = leapfrog.drifted(half_way, velocity, -0.5)
         outran = (2.0 * jnp.sqrt(jnp.max(farthest)) > skin_left) & (particles > 1)
         fault = motion.fault | jnp.where(outran, int(Fault.OUTRAN_LIST), 0)

@@ -104,7 +104,9 @@ def _work(module: ir.Module, stages: list[ir.Function], parts: int) -> ir.Functi
                     build.store(build.add(part, LONG(1)), count)
                     build.call(stage, [words, part])
                 with last:
-                    before = build.atomic_rmw("add", word(build, job, LAST + number), LONG(1), "acq_rel")
+                    before = build.atomic_rmw(
+                        "add", word(build, job, LAST + number), LONG(1), "acq_rel"
+                    )
                     build.call(stage, [words, build.sub(LONG(parts - 1), before)])
     build.atomic_rmw("add", word(build, job, DONE), LONG(1), "acq_rel")
     build.branch(again)

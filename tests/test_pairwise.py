@@ -188,8 +188,10 @@ def meeting(touches, laws=ALL, dtype="float64", seed=0, spare=3, mixed=False):
         *(array(0.02, 3, room) if acts else None for acts in (laws.sliding, laws.rolling))
     )
     of_each = 3, PARTICLES
-    # What has been travelled makes no gap an overlap: 0.02 > 2 sqrt(3) 0.005.
-    moving = array(0.005, *of_each), array(1.0, *of_each), array(1.0, *of_each), memory
+    # What has been travelled makes no gap an overlap, and no overlap one less deep than any before:
+    # 0.02 > 2 sqrt(3) 0.005 + 0.002.
+    before = jnp.abs(array(0.002, room))
+    moving = array(0.005, *of_each), array(1.0, *of_each), array(1.0, *of_each), memory, before
     return law_of(laws, mixed), listed, moving, parameters
 
 
@@ -231,9 +233,11 @@ def compare(case):
 )
 def test_contacts_are_what_gathers_and_scatters_give(laws, mixed, dtype):
     touches = np.random.default_rng(1).uniform(size=40) < 0.6
-    found = compare(meeting(touches, laws, dtype, seed=2, mixed=mixed))
+    case = meeting(touches, laws, dtype, seed=2, mixed=mixed)
+    found = compare(case)
     assert np.abs(found.force).max() > 0.1
-    np.testing.assert_array_equal(found.deepest[:40] > 0.0, touches)
+    *_, before = case[2]
+    np.testing.assert_array_equal((found.deepest > before)[:40], touches)
     assert found.torque.any() == (laws.sliding or laws.rolling)
 
 
@@ -249,10 +253,17 @@ TAILS = [
 @pytest.mark.parametrize("touches", TAILS, ids=lambda of: "".join(".x"[each] for each in of))
 def test_any_number_of_pairs_that_touch(touches, dtype):
     """Vectors that are full, begun or empty; room for more pairs, or for none."""
-    found = compare(meeting(touches, dtype=dtype, seed=len(touches), spare=MOST - len(touches)))
-    np.testing.assert_array_equal(found.deepest != 0.0, touches + [False] * (MOST - len(touches)))
-    for kept in (found.memory.sliding, found.memory.rolling):
-        assert not kept[:, len(touches) :].any()
+    case = meeting(touches, dtype=dtype, seed=len(touches), spare=MOST - len(touches))
+    found = compare(case)
+    *_, memory, before = case[2]
+    np.testing.assert_array_equal(
+        found.deepest != before, touches + [False] * (MOST - len(touches))
+    )
+    apart = ~np.array(touches, bool)
+    for name in ("sliding", "rolling"):
+        kept, had = getattr(found.memory, name), getattr(memory, name)
+        assert not kept[:, : len(touches)][:, apart].any()
+        np.testing.assert_array_equal(kept[:, len(touches) :], had[:, len(touches) :])
     assert np.isfinite(found.force).all()
 
 

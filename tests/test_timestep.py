@@ -122,16 +122,16 @@ def test_the_limit_is_where_the_leapfrog_becomes_unstable(regime):
         step = fraction * stability_limit(REGIMES[regime])
         kick = leapfrog.kick(parameters, step)
         plain = leapfrog.Kick(float(kick.keep), float(kick.gain))
-        position, velocity = np.ones((3, 1)), np.zeros((3, 1))
+        half_way, velocity = np.ones((3, 1)), np.zeros((3, 1))
         for _ in range(2000):
-            position, velocity, _ = leapfrog.step(
-                position,
+            half_way, velocity, _ = leapfrog.step(
+                half_way,
                 velocity,
-                lambda position, _, plain=plain: (-position, plain, None),
+                lambda half_way, _, plain=plain: (-half_way, plain, None),
                 step,
             )
         # An undamped orbit below the limit is an ellipse, 1/sqrt(1 - 0.995^2) = 10 long.
-        assert (np.abs(position) < 30).all() == stable
+        assert (np.abs(half_way) < 30).all() == stable
 
 
 def test_the_largest_step_keeps_within_the_limit():
