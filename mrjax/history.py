@@ -68,6 +68,8 @@ class Notes:
         def found(vector: Vector | None) -> Vector | None:
             if vector is None:
                 return None
+            if not len(same):
+                return jnp.zeros((3, len(holder)), vector[0].dtype)
             return jnp.stack([jnp.where(known, part[slot, holder], 0.0) for part in vector])
 
         return Memory(found(self.sliding), found(self.rolling))

@@ -267,7 +267,7 @@ def _scan(
             jnp.zeros_like(position, shape=plan.pairs),
             lax.stop_gradient(sum(half_way**2)),
         )
-        # Contacts are looked at half-way. Where the last step leads is for the next interval to see.
+        # Contacts are looked at half-way; where the last step leads, the next interval looks.
         looked_at = np.arange(cuts.steps) < cuts.steps - 1
         (half_way, velocity, spin, memory, deepest, farthest), _ = lax.scan(step, begin, looked_at)
         travelled = leapfrog.drifted(half_way, velocity, -0.5)

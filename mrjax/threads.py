@@ -1,11 +1,10 @@
 """Parts of one call, each taken by whichever of XLA's threads is free, or by the caller.
 
 Threads draw from one counter the right to do a part. The caller does them from the first on, others
-from the last, so that each meets mostly what it had in the call before and has in its own memory;
-how many each does is chance, what is done is not.
-The caller waits for parts that others have begun, but for no thread to begin: one that comes late
-finds nothing left to do. Until then the job's place in memory is kept, which is why it outlives the
-call.
+from the last, so that each meets mostly what it had in the call before and has in its own memory.
+How many each does is chance, what is done is not. The caller waits for parts that others have
+begun, but for no thread to begin: one that comes late finds nothing left to do. Until then the
+job's place in memory is kept, which is why it outlives the call.
 """
 
 import os
@@ -94,19 +93,18 @@ def _work(module: ir.Module, stages: list[ir.Function], parts: int) -> ir.Functi
     with build.if_then(build.icmp_signed(">=", drawn, LONG(len(stages) * parts))):
         build.ret_void()
     words = word(build, job, WORDS)
-    for number, (stage, count) in enumerate(zip(stages, own, strict=True)):
+    for number, (stage, done) in enumerate(zip(stages, own, strict=True)):
         place = build.sub(drawn, LONG(number * parts))
         with build.if_then(build.icmp_unsigned("<", place, LONG(parts))):
             _wait(build, job, number * parts)
             with build.if_else(calling) as (first, last):
                 with first:
-                    part = build.load(count, typ=LONG)
-                    build.store(build.add(part, LONG(1)), count)
+                    part = build.load(done, typ=LONG)
+                    build.store(build.add(part, LONG(1)), done)
                     build.call(stage, [words, part])
                 with last:
-                    before = build.atomic_rmw(
-                        "add", word(build, job, LAST + number), LONG(1), "acq_rel"
-                    )
+                    count = word(build, job, LAST + number)
+                    before = build.atomic_rmw("add", count, LONG(1), "acq_rel")
                     build.call(stage, [words, build.sub(LONG(parts - 1), before)])
     build.atomic_rmw("add", word(build, job, DONE), LONG(1), "acq_rel")
     build.branch(again)

@@ -305,7 +305,7 @@ def test_pairs_beyond_the_room_are_neither_read_nor_written():
 # --- derivatives ----------------------------------------------------------------------------------
 
 COUNT, PLACES = 6, 11
-NAMES = ("place", "weight", "spring", "width", "both", "one")
+NAMES = ("place", "weight", "spring", "width", "both", "one", "tally")
 
 
 def law_of_all_kinds():
@@ -318,20 +318,23 @@ def law_of_all_kinds():
     listed = made(first, second, np.ones((9, 3)), COUNT, PLACES)
 
     def law(mine, theirs, pair, common):
-        (x, m), (y, k), (spring, width), (both, one) = mine, theirs, pair, common
+        (x, m), (y, k), (spring, tally, width), (both, one) = mine, theirs, pair, common
         apart = x[0] - y[0], x[1] - y[1]
         distance = jnp.sqrt(1.0 + apart[0] ** 2 + apart[1] ** 2)
         push = jnp.maximum(width, 0.1) * (m + 2.0 * k) * one / distance
         new = spring[0] + push * apart[1] * both[0], spring[1] * one - apart[0] * both[1]
         force = push * new[0], apart[1] / (1.0 + new[1] ** 2)
-        return [force, m * k * one], [(-force[0], force[1] * both[1]), push], [new, push**2]
+        counted = tally * one + 0.5 * push
+        kept = [new, counted, push**2]
+        return [force, m * k * one], [(-force[0], force[1] * both[1]), push], kept
 
     def touching(mine, theirs, pair, common):
         return (mine[0][0] - theirs[0][0]) < 0.8
 
-    def results(place, weight, spring, width, both, one):
+    def results(place, weight, spring, width, both, one, tally):
+        of_particles, of_pairs = [place, weight], [spring, tally, width]
         sums, kept = pairwise(
-            law, touching, listed, [place, weight], [spring, width], [both, one], replaced=[0]
+            law, touching, listed, of_particles, of_pairs, [both, one], replaced=[0, 1], lasting=1
         )
         return *sums, *kept
 
@@ -344,7 +347,7 @@ of_all_kinds = law_of_all_kinds()
 def arguments(seed=5, dtype="float64", several=()):
     """Of the law, those named with a leading axis of so many."""
     random = np.random.default_rng(seed)
-    shapes = (2, COUNT), (COUNT,), (2, PLACES), (PLACES,), (2,), ()
+    shapes = (2, COUNT), (COUNT,), (2, PLACES), (PLACES,), (2,), (), (PLACES,)
     several = dict(several)
     return [
         jnp.asarray(random.uniform(0.2, 1.5, (*several.get(name, ()), *shape)), dtype)
@@ -371,8 +374,8 @@ def compare_derivative(transform, function, *given, elsewhere=False, roundings=1
     return found
 
 
-EVERY = tuple(range(6))
-SOME = [(0,), (2,), (5,), (2, 3), (1, 4), EVERY]
+EVERY = tuple(range(7))
+SOME = [(0,), (2,), (5,), (6,), (2, 3), (1, 4), EVERY]
 
 
 def along(which, several=()):
@@ -418,7 +421,7 @@ def test_backwards(which):
 
 def test_backwards_from_some_results():
     """What does not matter has no cotangent, and what no result moves has none to give."""
-    for kept in [(0,), (1,), (2,), (1, 3)]:
+    for kept in [(0,), (1,), (2,), (3,), (1, 4)]:
 
         def some(*given, kept=kept):
             found = of_all_kinds(*given)
@@ -447,15 +450,19 @@ def test_central_differences():
     np.testing.assert_allclose(uphill, (ends[0] - ends[1]) / (2 * step), rtol=1e-6)
 
 
-@pytest.mark.parametrize("directions", [1, 2, 3, 4, 5, 9])
-def test_many_directions_at_once(directions):
+@pytest.mark.parametrize(
+    "directions, several",
+    [*((number, ("place", "spring")) for number in (1, 2, 3, 4, 5, 9)), (3, ("place", "tally"))],
+)
+def test_many_directions_at_once(directions, several):
     """As many changes of some arguments; those of others are the same in all."""
-    which, at = (0, 1, 2, 5), {name: (directions,) for name in ("place", "spring")}
+    which, at = (0, 1, 2, 5, 6), {name: (directions,) for name in several}
     given, other = arguments(), arguments(8, several=at.items())
 
     def transform(function):
         each = along(which)(function)
-        return jax.vmap(each, in_axes=(None, [0, None, 0, None]))
+        axes = [0 if NAMES[i] in several else None for i in which]
+        return jax.vmap(each, in_axes=(None, axes))
 
     changes = [other[i] for i in which]
     compare_derivative(transform, of_all_kinds, given, changes, elsewhere=directions in (3, 5))
@@ -534,6 +541,18 @@ def test_the_derivatives_of_contacts():
         )
 
     compare_derivative(backwards, loads, moving, parameters, roundings=1e5)
+
+
+def test_what_a_change_does_not_read_is_not_kept_for_it():
+    law, listed, (displacement, velocity, *more, deepest), parameters = meeting([True] * 5)
+
+    def loads(velocity):
+        return law(listed, (displacement, velocity, *more, deepest), parameters).force
+
+    _, back = jax.vjp(loads, velocity)
+    kept = [leaf for leaf in jax.tree.leaves(back) if leaf.shape == deepest.shape]
+    assert any(np.array_equal(leaf, listed.first) for leaf in kept)
+    assert not any(np.array_equal(leaf, deepest) for leaf in kept)
 
 
 def test_what_nothing_moves_has_no_derivative():
