@@ -4,8 +4,9 @@
     v_{n+1}   = v_n e^{-alpha dt} + F(x_{n+1/2})/gamma (1 - e^{-alpha dt})
     x_{n+1}   = x_{n+1/2} + dt/2 v_{n+1}
 
-Drag is integrated exactly, so a free fall is exact at any step. alpha dt -> 0 gives the leapfrog
-(second order, symplectic without dissipation), alpha dt -> infinity overdamped Euler.
+What is stepped is x_{n+1/2} and v_n: the two half steps between forces are one. Drag is integrated
+exactly, so a free fall is exact at any step. alpha dt -> 0 gives the leapfrog (second order,
+symplectic without dissipation), alpha dt -> infinity overdamped Euler.
 """
 
 from collections.abc import Callable

@@ -151,6 +151,8 @@ class _Body:
           low, high: particles from the first to before the second are added to, no others.
         """
         build, loop = self.build, self.loop
+        in_place = {of.taken for of in loop.in_place}
+        lasting = {of.taken for of in loop.in_place if of.lasting}
         for pointer, leaf in zip(self.outputs, loop.outputs, strict=True):
             if leaf.kind is Kind.PARTICLE:
                 self.clear(pointer, leaf, low, high)
@@ -171,7 +173,6 @@ class _Body:
                         build.call(law, [*self.arguments, found, more])
                         build.store(LONG(0), met)
                 with apart:
-                    lasting = {of.taken for of in loop.in_place if of.lasting}
                     for place in places(loop.outputs):
                         leaf = loop.outputs[place[0]]
                         if leaf.kind is Kind.PAIR and place[0] not in lasting:
@@ -183,7 +184,6 @@ class _Body:
             with counted(build, left, LONG(lanes)) as lane:  # pairs to fill the vector up
                 build.store(first, build.gep(found, [lane], source_etype=LONG))
             build.call(law, [*self.arguments, found, left])
-        in_place = {of.taken for of in loop.in_place}
         for index, (pointer, leaf) in enumerate(zip(self.outputs, loop.outputs, strict=True)):
             if leaf.kind is Kind.PAIR and index not in in_place:
                 self.clear(pointer, leaf, end, past)
