@@ -16,10 +16,10 @@ from mrjax.scan import Setup, attempt
 from . import liggghts, process, states, timing
 from .process import Process
 
-WORK = 1e7
+WORK = 4e7
 """Particle-steps of a run, which takes some seconds."""
-LEAST_STEPS, MOST_STEPS = 128, 30_000
-"""The most there are between rebuilds of the list; and as long as a dispersed box stays so."""
+LEAST_STEPS, MOST_STEPS = 1_000, 30_000
+"""So many that they outweigh what precedes the first; and as long as a dispersed box stays so."""
 WARM = 2_000
 """Steps before the clock starts."""
 DTYPES = ("float64", "float32")
