@@ -8,8 +8,10 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -59,19 +61,30 @@ class Stopped(BaseException):
     """What nothing catches, as a kill."""
 
 
-def stopping(patch, number: int) -> None:
-    """The process "dies" as it writes this file, every second time before it counts."""
-    write, numbers = files.write_npz, itertools.count(1)  # threads write at once
+@contextmanager
+def stopping(number: int) -> Iterator[None]:
+    """The process "dies" as it writes this file, every second time before it counts.
+
+    Its other threads die with it: they write nothing more, and have ended when this returns.
+    """
+    write, numbers = files.write_npz, itertools.count(1)
+    before = set(threading.enumerate())
 
     def counted(*arguments):
-        ours = next(numbers) == number
-        if ours and number % 2:
-            raise Stopped
-        write(*arguments)
-        if ours:
+        ours = next(numbers)
+        if ours < number or (ours == number and number % 2 == 0):
+            write(*arguments)
+        if ours >= number:
             raise Stopped
 
-    patch.setattr(files, "write_npz", counted)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(files, "write_npz", counted)
+        try:
+            yield
+        finally:
+            for thread in set(threading.enumerate()) - before:
+                if not thread.daemon:
+                    thread.join()
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -103,8 +116,7 @@ def test_a_bed_stopped_at_any_part_goes_on_to_the_same_bits(small, tmp_path):
     whole = settled(small)
     for number in (1, 2, 3, 8, 21, 30):
         folder = tmp_path / str(number)
-        with pytest.MonkeyPatch.context() as patch, pytest.raises(Stopped):
-            stopping(patch, number)
+        with pytest.raises(Stopped), stopping(number):
             settled(small, checkpoint=folder)
         kept = contents(folder)
         alike(settled(small, checkpoint=folder), whole)
@@ -131,8 +143,7 @@ def test_a_part_repeated_with_more_room_is_so_again(small, tmp_path):
         # The same contacts in another order.
         np.testing.assert_allclose(whole.mudline[:30], roomy.mudline[:30], rtol=1e-9)
         for number in (16, 17, 18, 19, 20):  # before and after that part
-            with pytest.MonkeyPatch.context() as patched, pytest.raises(Stopped):
-                stopping(patched, number)
+            with pytest.raises(Stopped), stopping(number):
                 settled(checkpoint=tmp_path / str(number))
             alike(settled(checkpoint=tmp_path / str(number)), whole)
     faults = [int(files.read_npz(path)[0]["fault"]) for path in parts(tmp_path / "16")]
@@ -156,8 +167,7 @@ def test_a_run_of_given_duration_goes_on(small, tmp_path, monkeypatch, most):
     np.testing.assert_allclose(whole.heights, once.heights, rtol=1e-9 if most > 100 else 1e-3)
     for number in (1, 2, 3):
         folder = tmp_path / str(number)
-        with pytest.MonkeyPatch.context() as patch, pytest.raises(Stopped):
-            stopping(patch, number)
+        with pytest.raises(Stopped), stopping(number):
             mrjax.follow(state, parameters, WALLED, **given, checkpoint=folder)
         alike(mrjax.follow(state, parameters, WALLED, **given, checkpoint=folder), whole)
 
@@ -175,8 +185,7 @@ def test_a_fit_stopped_at_any_model_run_goes_on(tmp_path, starts):
     runs, *whole = done()
     for stops in range(100):
         try:
-            with pytest.MonkeyPatch.context() as patch:
-                stopping(patch, 3 + 8 * stops)
+            with stopping(3 + 8 * stops):
                 again, *resumed = done(tmp_path / "fit")
             break
         except Stopped:
@@ -204,8 +213,10 @@ def test_a_checkpoint_of_other_work_is_refused(small, tmp_path):
     def settled(parameters=parameters, states=states, **changes):
         mrjax.settle(states, parameters, WALLED, **changes, checkpoint=tmp_path / "kept")
 
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(Stopped):
-        stopping(patch, 6)  # of two beds side by side, each writes a part and then a state
+    with (
+        pytest.raises(Stopped),
+        stopping(6),
+    ):  # of two beds side by side, each writes a part and then a state
         settled()
     with pytest.raises(mrjax.InputError, match=r"friction = 0\.3 where it is 0\.4 here; give"):
         settled(parameters.replace(friction=0.4))
