@@ -213,10 +213,8 @@ def test_a_checkpoint_of_other_work_is_refused(small, tmp_path):
     def settled(parameters=parameters, states=states, **changes):
         mrjax.settle(states, parameters, WALLED, **changes, checkpoint=tmp_path / "kept")
 
-    with (
-        pytest.raises(Stopped),
-        stopping(6),
-    ):  # of two beds side by side, each writes a part and then a state
+    # Of two beds side by side, each writes a part and then a state.
+    with pytest.raises(Stopped), stopping(6):
         settled()
     with pytest.raises(mrjax.InputError, match=r"friction = 0\.3 where it is 0\.4 here; give"):
         settled(parameters.replace(friction=0.4))
