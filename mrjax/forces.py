@@ -90,12 +90,16 @@ def total(
         return Memory(*(next(values) if acts else None for acts in (laws.sliding, laws.rolling)))
 
     def law(listed: Pairs) -> Law:
-        constants = surfaces.of(parameters, material, listed)
+        kinds = surfaces.of_kinds(parameters, material, listed.wall is not None)
+        constants = surfaces.of(parameters, material, listed) if kinds is None else kinds
         each = [i for i, constant in enumerate(constants) if jnp.ndim(constant)]
         same = [i for i in range(len(constants)) if i not in each]
-        by_pair = [jnp.stack([constants[i] for i in each])] if each else []
+        differing = [jnp.stack([constants[i] for i in each])] if each else []
+        by_pair = differing if kinds is None else []
         alike = [constants[i] for i in same] + ([] if jnp.ndim(radius) else [radius])
         of_all = [jnp.stack(alike)] if alike else []
+        if kinds is not None:
+            of_all += [rows[:, kind] for rows in differing for kind in range(rows.shape[1])]
         separation = jnp.stack(listed.separation)
 
         def bodies(first: list, second: list, common: list) -> tuple[Body, Body]:
@@ -112,8 +116,9 @@ def total(
             meeting = _meeting(*bodies(first, second, common), *pair[:2])
             left = iter(pair[2:])
             memory, deepest = remembered(left), next(left)
-            values = dict(zip(same, *common, strict=False)) if same else {}
-            values |= dict(zip(each, next(left, ()), strict=True))
+            values = dict(zip(same, common[0], strict=False)) if same else {}
+            own = next(left, ()) if kinds is None else _of_kind(pair[1], *common[1:])
+            values |= dict(zip(each, own, strict=True))
             of_pair = Surfaces(*(values[i] for i in range(len(constants))))
             force, turning, new = _contact(meeting, of_pair, memory, laws, time_step)
             mine, theirs = ([], []) if turning is None else ([turning[0]], [turning[1]])
@@ -142,6 +147,13 @@ def total(
         return loads
 
     return law
+
+
+def _of_kind(axis: Array, *kinds: tuple[Array, ...]) -> tuple[Array, ...]:
+    """The constants of a contact of two particles, or with a wall, whose normal has an axis."""
+    if len(kinds) < 2:
+        return kinds[0] if kinds else ()
+    return tuple(jnp.where(axis < 0, of, at_wall) for of, at_wall in zip(*kinds, strict=True))
 
 
 class Body(NamedTuple):

@@ -20,8 +20,9 @@ from mrjax.instructions import FREE, INT, LONG, POINTER, TYPES, counted, transla
 from mrjax.loop import Kind, Leaf, Loop, Place, places
 from mrjax.parts import stages
 
-VECTOR = 32
-"""Bytes of a vector in which pairs are taken together: four in double precision."""
+VECTOR, BACKWARDS = 32, 64
+"""Bytes of a vector in which pairs are taken together: four in double precision; eight in loops
+that go backwards, which wait longer for roots and quotients."""
 PARTS = 8
 """Into which a long list is divided; the same for any number of threads, and so are the sums."""
 LONG_LIST = 16_384
@@ -29,6 +30,11 @@ LONG_LIST = 16_384
 
 _engines: dict[str, binding.ExecutionEngine] = {}  # each owns the code of a name
 _lock = Lock()
+
+
+def lanes_of(loop: Loop) -> int:
+    """How many pairs are taken together."""
+    return loop.lanes(BACKWARDS if loop.linear else VECTOR)
 
 
 def parts(room: int) -> int:
@@ -99,9 +105,9 @@ def _module(loop: Loop, particles: int, room: int) -> ir.Module:
                 argument.add_attribute("noalias")
         return made
 
-    law, body = function("law", POINTER, LONG), function("loop", *[LONG] * 5)
+    law, body = function("law", POINTER, LONG, POINTER), function("loop", *[LONG] * 5)
     shape = LONG(particles), LONG(room)
-    _Body(loop, law, *shape).law(*law.args[-2:])
+    _Body(loop, law, *shape).law(*law.args[-3:])
     _Body(loop, body, *shape).pairs(law, *body.args[-5:])
 
     handler = ir.Function(module, ir.FunctionType(POINTER, [POINTER]), "handler")
@@ -156,11 +162,14 @@ class _Body:
         for pointer, leaf in zip(self.outputs, loop.outputs, strict=True):
             if leaf.kind is Kind.PARTICLE:
                 self.clear(pointer, leaf, low, high)
-            elif leaf.kind is Kind.ALL:
-                self.clear(pointer, leaf, LONG(0), LONG(1))
-        lanes = loop.lanes(VECTOR)
+        lanes = lanes_of(loop)
         found, met = (build.alloca(LONG, size) for size in (lanes, 1))
         build.store(LONG(0), met)
+        nothing = ir.VectorType(TYPES[loop.outputs[0].dtype], lanes)(None)
+        over_all = [place for place in places(loop.outputs) if self.over_all(place)]
+        sums = build.alloca(nothing.type, max(1, len(over_all)))
+        for number in range(len(over_all)):
+            build.store(nothing, self.sum(sums, number, nothing.type))
         with counted(build, begin, end) as pair:
             (touching,) = translated(build, loop.touching, _Reader(self, pair), None)
             with build.if_else(touching) as (near, apart):
@@ -170,7 +179,7 @@ class _Body:
                     more = build.add(so_far, LONG(1))
                     build.store(more, met)
                     with build.if_then(build.icmp_signed("==", more, LONG(lanes))):
-                        build.call(law, [*self.arguments, found, more])
+                        build.call(law, [*self.arguments, found, more, sums])
                         build.store(LONG(0), met)
                 with apart:
                     for place in places(loop.outputs):
@@ -183,16 +192,26 @@ class _Body:
             first = build.load(found, typ=LONG)
             with counted(build, left, LONG(lanes)) as lane:  # pairs to fill the vector up
                 build.store(first, build.gep(found, [lane], source_etype=LONG))
-            build.call(law, [*self.arguments, found, left])
+            build.call(law, [*self.arguments, found, left, sums])
         for index, (pointer, leaf) in enumerate(zip(self.outputs, loop.outputs, strict=True)):
             if leaf.kind is Kind.PAIR and index not in in_place:
                 self.clear(pointer, leaf, end, past)
+        for number, (index, row, _) in enumerate(over_all):
+            lane_sums = build.load(self.sum(sums, number, nothing.type), typ=nothing.type)
+            total = build.extract_element(lane_sums, INT(0))
+            for lane in range(1, lanes):
+                total = build.fadd(total, build.extract_element(lane_sums, INT(lane)), flags=FREE)
+            at = self.place(self.outputs[index], loop.outputs[index], row, LONG(0))
+            build.store(total, at)
         build.ret_void()
 
-    def law(self, found: ir.Value, count: ir.Value) -> None:
-        """The law for as many pairs as there are lanes, of which the first `count` are new."""
+    def law(self, found: ir.Value, count: ir.Value, sums: ir.Value) -> None:
+        """The law for as many pairs as there are lanes, of which the first `count` are new.
+
+        What is summed over all pairs is added to a vector each, lane by lane.
+        """
         build, loop = self.build, self.loop
-        lanes = loop.lanes(VECTOR)
+        lanes = lanes_of(loop)
         pairs = [
             build.load(build.gep(found, [LONG(lane)], source_etype=LONG), typ=LONG)
             for lane in range(lanes)
@@ -208,6 +227,12 @@ class _Body:
 
         values = translated(build, loop.law, read, lanes)
         results = list(zip(places(loop.outputs), values, strict=True))
+        new = self.below(count, lanes)
+        for number, whole in enumerate(value for at, value in results if self.over_all(at)):
+            at = self.sum(sums, number, whole.type)
+            added = build.select(new, whole, whole.type(None))
+            build.store(build.fadd(build.load(at, typ=whole.type), added, flags=FREE), at)
+        results = [(place, value) for place, value in results if not self.over_all(place)]
         for lane, (pair, reader) in enumerate(zip(pairs, readers, strict=True)):
             with build.if_then(build.icmp_signed("<", LONG(lane), count)):
                 targets = [self.target(place, pair, reader) for place, _ in results]
@@ -220,11 +245,25 @@ class _Body:
                             self.add(place, at, build.extract_element(value, INT(lane)))
         build.ret_void()
 
+    def over_all(self, place: Place) -> bool:
+        return self.loop.outputs[place[0]].kind is Kind.ALL
+
+    def sum(self, sums: ir.Value, number: int, of: ir.Type) -> ir.Value:
+        return self.build.gep(sums, [LONG(number)], source_etype=of)
+
+    def below(self, count: ir.Value, lanes: int) -> ir.Value:
+        """Of each lane, whether its number is below the count."""
+        counts = ir.VectorType(LONG, lanes)(ir.Undefined)
+        for lane in range(lanes):
+            counts = self.build.insert_element(counts, count, INT(lane))
+        numbers = ir.Constant(counts.type, [LONG(lane) for lane in range(lanes)])
+        return self.build.icmp_signed("<", numbers, counts)
+
     def target(self, place: Place, pair: ir.Value, reader: "_Reader") -> ir.Value:
         n, row, of_second = place
         leaf = self.loop.outputs[n]
         particle = reader.second if of_second else reader.first
-        index = {Kind.PARTICLE: particle, Kind.PAIR: pair, Kind.ALL: LONG(0)}[leaf.kind]
+        index = pair if leaf.kind is Kind.PAIR else particle
         return self.place(self.outputs[n], leaf, row, index)
 
     def add(self, place: Place, at: ir.Value, value: ir.Value) -> None:

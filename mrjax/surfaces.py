@@ -3,7 +3,9 @@
 from typing import NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
+from jax.typing import ArrayLike
 
 from mrjax import contact, friction, particle, rolling
 from mrjax.pairs import Pairs
@@ -34,29 +36,51 @@ def of(parameters: Parameters, material: Array | None, listed: Pairs) -> Surface
       material: index of each particle, (N,); None where all are of one.
       listed: who meets whom.
     """
+    return _between(parameters, material, listed.first, listed.second, listed.wall)
 
+
+def of_kinds(parameters: Parameters, material: Array | None, walled: bool) -> Surfaces | None:
+    """Constants of a contact of two particles and, in a box with walls, of one with a wall.
+
+    Of shape (1,) or (2,), () where all are equal; None where particles differ, and so do the
+    contacts of one kind.
+    """
+    radius, mass = particle.outer_radius(parameters), particle.inertia(parameters)
+    of_each = radius, mass, parameters.elastic_modulus, parameters.poisson_ratio
+    if material is not None or any(jnp.ndim(leaf) for leaf in of_each):
+        return None
+    wall = np.arange(1 + walled) > 0
+    either = jnp.zeros(len(wall), jnp.int32)
+    return _between(parameters, None, either, either, wall)
+
+
+def _between(
+    parameters: Parameters,
+    material: Array | None,
+    first: ArrayLike,
+    second: ArrayLike,
+    wall: ArrayLike | None,
+) -> Surfaces:
     def sides(leaf: Array, of_wall: Array | None = None) -> tuple[Array, Array]:
         # A wall's id is beyond the last particle's, which is read in its place.
-        mine, theirs = (
-            (leaf, leaf) if jnp.ndim(leaf) == 0 else (leaf[listed.first], leaf[listed.second])
-        )
-        if of_wall is not None and listed.wall is not None:
-            theirs = jnp.where(listed.wall, of_wall, theirs)
+        mine, theirs = (leaf, leaf) if jnp.ndim(leaf) == 0 else (leaf[first], leaf[second])
+        if of_wall is not None and wall is not None:
+            theirs = jnp.where(wall, of_wall, theirs)
         return mine, theirs
 
     def combined(leaf: Array) -> Array:
         mine, theirs = sides(leaf)
         between = contact.harmonic(mine, theirs)
-        return between if listed.wall is None else jnp.where(listed.wall, mine, between)
+        return between if wall is None else jnp.where(wall, mine, between)
 
     def table(leaf: Array) -> Array:
         if jnp.ndim(leaf) == 0:
             return leaf
-        index = jnp.zeros_like(listed.first, shape=1) if material is None else material
-        at_wall = leaf[index[listed.first], -1]
-        mine, theirs = index[listed.first], index[listed.second]
+        index = jnp.zeros(1, jnp.int32) if material is None else material
+        at_wall = leaf[index[first], -1]
+        mine, theirs = index[first], index[second]
         between = leaf[mine, theirs]
-        return between if listed.wall is None else jnp.where(listed.wall, at_wall, between)
+        return between if wall is None else jnp.where(wall, at_wall, between)
 
     (modulus_i, modulus_j), (poisson_i, poisson_j) = (
         sides(parameters.elastic_modulus, parameters.wall_elastic_modulus),

@@ -281,3 +281,18 @@ def test_a_restitution_above_one_in_a_table():
 def test_materials_are_whole_numbers_one_for_each(materials):
     with pytest.raises(mrjax.InputError, match=r"materials = .*: give a whole number from 0 for"):
         mrjax.place([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]], materials=materials)
+
+
+def test_like_particles_differ_by_kind_of_contact_only():
+    """As the pairs of a list have it: two particles, and one with a wall."""
+    tables = {name: np.array([[0.1, 0.7], [0.7, np.nan]]) for name in ("friction", "dissipation")}
+    for ball in (BALL, BALL.replace(**tables)):
+        kinds = surfaces.of_kinds(ball, None, walled=True)
+        pairs = surfaces.of(ball, None, listed([0, 1], [1, 7], particles=2))
+        for kind in (0, 1):
+            assert numbers(kinds, kind) == numbers(pairs, kind)
+        alone = surfaces.of_kinds(ball, None, walled=False)
+        assert numbers(alone, 0) == numbers(pairs, 0)
+    assert numbers(kinds, 0) != numbers(kinds, 1)
+    assert surfaces.of_kinds(UNLIKE, None, walled=True) is None
+    assert surfaces.of_kinds(BALL, np.zeros(2, np.int32), walled=True) is None
