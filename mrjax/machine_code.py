@@ -20,9 +20,9 @@ from mrjax.instructions import FREE, INT, LONG, POINTER, TYPES, counted, transla
 from mrjax.loop import Kind, Leaf, Loop, Place, places
 from mrjax.parts import stages
 
-VECTOR, BACKWARDS = 32, 64
-"""Bytes of a vector in which pairs are taken together: four in double precision; eight in loops
-that go backwards, which wait longer for roots and quotients."""
+VECTOR, LINEAR = 32, 64
+"""Bytes of a vector in which pairs are taken together: four in double precision, and eight in loops
+that are linear in changes, as those that go backwards are, which was faster."""
 PARTS = 8
 """Into which a long list is divided; the same for any number of threads, and so are the sums."""
 LONG_LIST = 16_384
@@ -32,9 +32,9 @@ _engines: dict[str, binding.ExecutionEngine] = {}  # each owns the code of a nam
 _lock = Lock()
 
 
-def lanes_of(loop: Loop) -> int:
+def _lanes(loop: Loop) -> int:
     """How many pairs are taken together."""
-    return loop.lanes(BACKWARDS if loop.linear else VECTOR)
+    return loop.lanes(LINEAR if loop.linear else VECTOR)
 
 
 def parts(room: int) -> int:
@@ -162,7 +162,7 @@ class _Body:
         for pointer, leaf in zip(self.outputs, loop.outputs, strict=True):
             if leaf.kind is Kind.PARTICLE:
                 self.clear(pointer, leaf, low, high)
-        lanes = lanes_of(loop)
+        lanes = _lanes(loop)
         found, met = (build.alloca(LONG, size) for size in (lanes, 1))
         build.store(LONG(0), met)
         nothing = ir.VectorType(TYPES[loop.outputs[0].dtype], lanes)(None)
@@ -211,7 +211,7 @@ class _Body:
         What is summed over all pairs is added to a vector each, lane by lane.
         """
         build, loop = self.build, self.loop
-        lanes = lanes_of(loop)
+        lanes = _lanes(loop)
         pairs = [
             build.load(build.gep(found, [LONG(lane)], source_etype=LONG), typ=LONG)
             for lane in range(lanes)

@@ -49,9 +49,9 @@ def of_kinds(parameters: Parameters, material: Array | None, walled: bool) -> Su
     of_each = radius, mass, parameters.elastic_modulus, parameters.poisson_ratio
     if material is not None or any(jnp.ndim(leaf) for leaf in of_each):
         return None
-    wall = np.arange(1 + walled) > 0
-    either = jnp.zeros(len(wall), jnp.int32)
-    return _between(parameters, None, either, either, wall)
+    anyone = jnp.zeros(1 + walled, jnp.int32)
+    wall = np.array([False, True]) if walled else None
+    return _between(parameters, None, anyone, anyone, wall)
 
 
 def _between(
