@@ -1,4 +1,4 @@
-"""The sum of forces and torques on every particle, all but the drag (Son 2018, Eqs. 1, 2 and 19).
+"""Forces and torques on every particle, all but the drag (Son 2018, Eqs. 1, 2 and 19).
 
 Of Eq. 1 the magnetic and the weak forces are left out, as in the paper. The drag is linear in
 velocity and spin, and integrated exactly by the leapfrog. Arrays are kept
@@ -48,43 +48,47 @@ def laws(parameters: Parameters) -> Laws:
     )
 
 
-class Loads(NamedTuple):
-    """What acts on every particle at one moment."""
+def pull(parameters: Parameters, particles: int) -> Array:
+    """Weight less buoyancy of every particle, N; (3, N)."""
+    weight = per_particle(particle.net_weight(parameters), particles)
+    return jnp.stack([jnp.zeros_like(weight), jnp.zeros_like(weight), -weight])
 
-    force: Array  # N, (3, N)
-    torque: Array  # N m, (3, N)
+
+class Loads(NamedTuple):
+    """What its contacts do to every particle at one moment."""
+
+    force: Array  # gain by N, (3, N)
+    torque: Array  # gain by N m, (3, N)
     memory: Memory
     deepest: Array  # overlap of each pair so far, m; (P,)
 
 
-Law = Callable[[Array, Array, Array, Memory, Array], Loads]
+Law = Callable[[Array, Array, Array, Memory, Array, Array], Loads]
 
 
-def total(
+def of_contacts(
     parameters: Parameters,
-    particles: int,
     *,
     laws: Laws,
     material: Array | None = None,
     time_step: float = 1.0,
 ) -> Callable[[Pairs], Law]:
-    """The force law of a run, with all that does not change during it computed once.
+    """The law of contacts of a run, with all that does not change during it computed once.
 
     Args:
       parameters: in one coherent system of units.
-      particles: N.
       laws: those that act.
       material: of each particle, (N,); None where all are of one.
       time_step: by which the contacts' memory advances at every evaluation.
 
     Returns:
       law(listed) for the pairs of a list. It returns loads(displacement, velocity, spin, memory,
-      deepest): what has been travelled since it was built, velocities and spins, (3, N) each, the
-      memory of the contacts, and the deepest overlap of each pair before, (P,).
+      deepest, gains): what has been travelled since it was built, velocities and spins, (3, N)
+      each, the memory of the contacts, the deepest overlap of each pair before, (P,), and by what
+      forces and torques are multiplied, (2,) or (2, N). By the gains of a step they are what it
+      adds to velocities and spins, and reverse mode has no forces to keep.
     """
     radius = particle.outer_radius(parameters)
-    weight = per_particle(particle.net_weight(parameters), particles)
-    pull = jnp.stack([jnp.zeros_like(weight), jnp.zeros_like(weight), -weight])
 
     def remembered(values: Iterator) -> Memory:
         return Memory(*(next(values) if acts else None for acts in (laws.sliding, laws.rolling)))
@@ -95,52 +99,58 @@ def total(
         each = [i for i, constant in enumerate(constants) if jnp.ndim(constant)]
         same = [i for i in range(len(constants)) if i not in each]
         differing = [jnp.stack([constants[i] for i in each])] if each else []
-        by_pair = differing if kinds is None else []
+        by_pair, by_kind = (differing, []) if kinds is None else ([], differing)
+        by_kind = [rows[:, kind] for rows in by_kind for kind in range(rows.shape[1])]
         alike = [constants[i] for i in same] + ([] if jnp.ndim(radius) else [radius])
-        of_all = [jnp.stack(alike)] if alike else []
-        if kinds is not None:
-            of_all += [rows[:, kind] for rows in differing for kind in range(rows.shape[1])]
+        of_all = [*by_kind, *([jnp.stack(alike)] if alike else [])]
         separation = jnp.stack(listed.separation)
 
-        def bodies(first: list, second: list, common: list) -> tuple[Body, Body]:
-            mine, theirs = (own[3:] or common[0][-1:] for own in (first, second))
-            return Body(*first[:3], *mine), Body(*second[:3], *theirs)
+        def body(own: list, common: list) -> Body:
+            left = iter(own[3:])
+            its_radius = next(left) if jnp.ndim(radius) else common[len(by_kind)][-1]
+            return Body(*own[:3], its_radius, *([*left] or common[-1:]))
 
         def touching(first: list, second: list, pair: list, common: list) -> Array:
-            mine, theirs = bodies(first, second, common)
+            mine, theirs = body(first, common), body(second, common)
             between = apart(mine, theirs, *pair[:2])
             reach = mine.radius + jnp.where(pair[1] < 0, theirs.radius, 0.0)
             return dot(between, between) < reach**2
 
         def acting(first: list, second: list, pair: list, common: list):
-            meeting = _meeting(*bodies(first, second, common), *pair[:2])
+            mine, theirs = body(first, common), body(second, common)
             left = iter(pair[2:])
             memory, deepest = remembered(left), next(left)
-            values = dict(zip(same, common[0], strict=False)) if same else {}
-            own = next(left, ()) if kinds is None else _of_kind(pair[1], *common[1:])
+            values = dict(zip(same, common[len(by_kind)], strict=False)) if same else {}
+            own = next(left, ()) if kinds is None else _of_kind(pair[1], *common[: len(by_kind)])
             values |= dict(zip(each, own, strict=True))
             of_pair = Surfaces(*(values[i] for i in range(len(constants))))
-            force, turning, new = _contact(meeting, of_pair, memory, laws, time_step)
-            mine, theirs = ([], []) if turning is None else ([turning[0]], [turning[1]])
+            meeting = _meeting(mine, theirs, *pair[:2])
+            force, torques, new = _contact(meeting, of_pair, memory, laws, time_step)
+            to_first, to_second = [times(mine.gains[0], force)], [times(-theirs.gains[0], force)]
+            for of, to, torque in zip((mine, theirs), (to_first, to_second), torques, strict=False):
+                to.append(times(of.gains[1], torque))
             kept = [of for of in (new.sliding, new.rolling) if of is not None]
             # To look at: no force reads it.
             deepest = lax.stop_gradient(jnp.maximum(deepest, meeting.overlap))
-            return [force, *mine], [times(-1.0, force), *theirs], [*kept, deepest]
+            return to_first, to_second, [*kept, deepest]
 
-        def loads(displacement, velocity, spin, memory: Memory, deepest: Array) -> Loads:
+        def loads(displacement, velocity, spin, memory: Memory, deepest: Array, gains: Array):
             before = [of for of in (memory.sliding, memory.rolling) if of is not None]
+            of_each = [
+                *([radius] if jnp.ndim(radius) else []),
+                *([gains] if gains.ndim == 2 else []),
+            ]
             (force, *torque), kept = pairwise(
                 acting,
                 touching,
                 listed,
-                [displacement, velocity, spin, *([radius] if jnp.ndim(radius) else [])],
+                [displacement, velocity, spin, *of_each],
                 [separation, listed.axis, *before, deepest, *by_pair],
-                of_all,
+                [*of_all, *([gains] if gains.ndim == 1 else [])],
                 replaced=range(2, 3 + len(before)),
                 lasting=1,
             )
             left = iter(kept)
-            force = pull + force
             turning = torque[0] if torque else jnp.zeros_like(force)
             return Loads(force, turning, remembered(left), next(left))
 
@@ -163,6 +173,7 @@ class Body(NamedTuple):
     velocity: Vector  # m/s
     spin: Vector  # rad/s
     radius: Array  # m
+    gains: tuple[Array, Array]  # by what forces and torques are multiplied
 
 
 class Meeting(NamedTuple):
@@ -238,7 +249,7 @@ def _time_in_contact(meeting: Meeting, time_step: float) -> Array:
 
 def _contact(
     meeting: Meeting, surfaces: Surfaces, memory: Memory, laws: Laws, time_step: float
-) -> tuple[Vector, tuple[Vector, Vector] | None, Memory]:
+) -> tuple[Vector, tuple[Vector, Vector] | tuple[()], Memory]:
     """Force on the particle of every contact, torques on both, and what the contacts remember."""
     normal = meeting.normal
     push = contact.normal_force(
@@ -251,7 +262,7 @@ def _contact(
         surfaces.damping,
         damped=laws.damped,
     )
-    force, torque, slid, rolled = times(push, normal), None, memory.sliding, memory.rolling
+    force, torques, slid, rolled = times(push, normal), (), memory.sliding, memory.rolling
     turn, twist = times(time_step, meeting.turning), time_step * meeting.twisting
     touching = _time_in_contact(meeting, time_step)
     if slid is not None:
@@ -271,7 +282,7 @@ def _contact(
         )
         force = plus(force, 1.0, grip)
         lever = cross(normal, grip)
-        torque = times(-meeting.arm, lever), times(-meeting.their_arm, lever)
+        torques = times(-meeting.arm, lever), times(-meeting.their_arm, lever)
     if rolled is not None:
         roll = plus(history.turned(rolled, normal, turn, twist), touching, meeting.rolling)
         resistance, rolled = rolling.rolling_torque(
@@ -285,6 +296,6 @@ def _contact(
             friction=surfaces.rolling_friction,
             damping=surfaces.rolling_damping,
         )
-        mine, theirs = torque or ((0.0,) * 3,) * 2
-        torque = plus(mine, 1.0, resistance), plus(theirs, -1.0, resistance)
-    return force, torque, Memory(slid, rolled)
+        mine, theirs = torques or ((0.0,) * 3,) * 2
+        torques = plus(mine, 1.0, resistance), plus(theirs, -1.0, resistance)
+    return force, torques, Memory(slid, rolled)

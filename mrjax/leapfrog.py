@@ -48,12 +48,6 @@ def _kick(resistance: Array, inertia: Array, time_step: float) -> Kick:
     return Kick(jnp.exp(-decay), mean_decay(decay) * time_step / inertia)
 
 
-def kicked(velocity: Array, acting: Array, kick: Kick) -> Array:
-    """Velocities after a step under forces, or spins under torques; (3, N)."""
-    keep, gain = jnp.atleast_2d(kick.keep), jnp.atleast_2d(kick.gain)
-    return keep * velocity + gain * acting
-
-
 def mean_decay(exponent: Array) -> Array:
     """(1 - e^-a) / a, the mean of e^-s for s from 0 to a >= 0; 1 at a = 0. Elementwise."""
     small = exponent < SERIES_BELOW
@@ -73,7 +67,7 @@ def drifted(position: Array, velocity: Array, time: float) -> Array:
 def step(
     half_way: Array,
     velocity: Array,
-    force: Callable[[Array, Array], tuple[Array, Kick, Noted]],
+    kick: Callable[[Array, Array], tuple[Array, Array, Noted]],
     time_step: float,
 ) -> tuple[Array, Array, Noted]:
     """One step of all particles, from the middle of its way to that of the next.
@@ -81,12 +75,12 @@ def step(
     Args:
       half_way: positions in the middle, x_{n+1/2}, (3, N): `drifted` by half a step.
       velocity: v_n, (3, N).
-      force: of these: everything but the drag, (3, N), what the drag makes of this step, and a
-        value that is handed on.
+      kick: of these: what is kept of v_n, () or (N,); what everything but the drag adds, gain F,
+        (3, N); and a value that is handed on.
 
     Returns:
-      x_{n+3/2}, v_{n+1} and the last value of `force`.
+      x_{n+3/2}, v_{n+1} and the last value of `kick`.
     """
-    acting, kick, noted = force(half_way, velocity)
-    velocity = kicked(velocity, acting, kick)
+    keep, added, noted = kick(half_way, velocity)
+    velocity = keep * velocity + added
     return drifted(half_way, velocity, time_step), velocity, noted

@@ -85,7 +85,7 @@ def normal_forces(state: State, parameters: Parameters, box: Box) -> Touching:
       InputError: parameters that do not fit the state.
     """
     listed, found, units = _moment(state, parameters, box)
-    reduced = _reduced(parameters, units, state)
+    reduced = parameters.reduced(units).astype(state.position.dtype)
     separation = np.stack([np.asarray(part) for part in listed.separation], axis=1)
     touching = np.asarray(found.deepest > 0.0)
     velocity = np.asarray(state.velocity) / units.velocity
@@ -120,7 +120,7 @@ def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, Load
     checks.between_walls(box, diameter)
     length = diameter / 2
     units = Units(mass=1000.0 * length**3, length=length, time=length)
-    reduced = _reduced(parameters, units, state)
+    reduced = parameters.reduced(units).astype(state.position.dtype)
     laws = forces.laws(parameters)
     position = state.position / units.length
     scaled = box.scaled(1 / units.length)
@@ -142,17 +142,13 @@ def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, Load
         rolling=laws.rolling,
         unit_length=units.length,
     )
-    law = forces.total(reduced, state.particles, laws=laws, material=state.material, time_step=0.0)
+    law = forces.of_contacts(reduced, laws=laws, material=state.material, time_step=0.0)
     found = law(listed)(
         jnp.zeros_like(position.T),
         state.velocity.T / units.velocity,
         state.spin.T * units.time,
         history.begun(notes, listed),
         jnp.zeros_like(position, shape=plan.pairs),
+        jnp.ones_like(position, shape=2),
     )
     return listed, found, units
-
-
-def _reduced(parameters: Parameters, units: Units, state: State) -> Parameters:
-    """Without gravity, so that the loads are those of the contacts."""
-    return parameters.replace(gravity=0.0).reduced(units).astype(state.position.dtype)

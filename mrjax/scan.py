@@ -185,9 +185,11 @@ def _scan(
 ) -> tuple[Motion, Notes, Array, Array, Array, Trajectory | None, Array, Array, Array]:
     """The compiled loops, in reduced units with steps of length one."""
     particles, dtype = position.shape[1], position.dtype
-    law = forces.total(parameters, particles, laws=laws, material=material)
+    law = forces.of_contacts(parameters, laws=laws, material=material)
     radius = per_particle(particle.outer_radius(parameters), particles)
     skin_left = plan.cutoff - 2.0 * jnp.max(radius)
+
+    pull = forces.pull(parameters, particles)
 
     def kicks(position: Array) -> tuple[Kick, Kick]:
         felt = parameters
@@ -195,7 +197,13 @@ def _scan(
             felt = hindered(parameters, hindrance, box, position, spacing=2.0)
         return leapfrog.kick(felt, 1.0), leapfrog.spin_kick(felt, 1.0)
 
-    everywhere = kicks(position)
+    def pushes(position: Array) -> tuple[Kick, Kick, Array, Array]:
+        """Of a step: its kicks, their gains, and what weight and buoyancy add to velocities."""
+        straight, turning = kicks(position)
+        gains = jnp.stack(jnp.broadcast_arrays(straight.gain, turning.gain))
+        return straight, turning, gains, straight.gain * pull
+
+    everywhere = pushes(position)
     # A lone particle has room for every wall, and may go where it likes.
     listed_gap = skin_left if particles > 1 else jnp.asarray(jnp.inf, dtype)
 
@@ -247,13 +255,16 @@ def _scan(
         def step(carry, looked_at):
             half_way, velocity, spin, memory, deepest, farthest = carry
 
-            def acting(half_way: Array, velocity: Array):
-                found = loads(half_way, velocity, spin, memory, deepest)
-                straight, turning = everywhere if hindrance is None else kicks(origin + half_way)
-                return found.force, straight, (found, turning)
+            def kick(half_way: Array, velocity: Array):
+                unhindered = hindrance is None
+                straight, turning, gains, falling = (
+                    everywhere if unhindered else pushes(origin + half_way)
+                )
+                found = loads(half_way, velocity, spin, memory, deepest, gains)
+                return straight.keep, falling + found.force, (found, turning.keep)
 
-            half_way, velocity, (found, turning) = leapfrog.step(half_way, velocity, acting, 1.0)
-            spin = leapfrog.kicked(spin, found.torque, turning)
+            half_way, velocity, (found, keep) = leapfrog.step(half_way, velocity, kick, 1.0)
+            spin = keep * spin + found.torque
             gone = lax.stop_gradient(sum(half_way**2))
             farthest = jnp.maximum(farthest, jnp.where(looked_at, gone, 0.0))
             return (half_way, velocity, spin, found.memory, found.deepest, farthest), None

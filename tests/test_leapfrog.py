@@ -82,8 +82,8 @@ def pull(position, velocity):
 
 
 def pulled(kick):
-    """The force law of a step with this kick."""
-    return lambda position, velocity: (pull(position, velocity), kick, "noted")
+    """What a step with these coefficients does."""
+    return lambda *moving: (kick.keep, kick.gain * pull(*moving), "noted")
 
 
 def test_without_drag_it_is_the_leapfrog():
@@ -117,7 +117,10 @@ def test_a_free_fall_with_drag_is_exact_at_any_step():
     for dt in (1e-3, 1.0, 30.0):
         kick = leapfrog.kick(parameters(0.7 / (6 * np.pi)), dt)
         _, velocity, _ = leapfrog.step(
-            POSITION, VELOCITY, lambda *_, kick=kick: (jnp.full_like(POSITION, 2.0), kick, None), dt
+            POSITION,
+            VELOCITY,
+            lambda *_, kick=kick: (kick.keep, jnp.full_like(POSITION, 2.0 * kick.gain), None),
+            dt,
         )
         decay = np.exp(-0.7 * dt)
         expected = VELOCITY * decay + 2.0 / 0.7 * (1 - decay)

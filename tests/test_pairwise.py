@@ -191,7 +191,15 @@ def meeting(touches, laws=ALL, dtype="float64", seed=0, spare=3, mixed=False):
     # What has been travelled makes no gap an overlap, and no overlap one less deep than any before:
     # 0.02 > 2 sqrt(3) 0.005 + 0.002.
     before = jnp.abs(array(0.002, room))
-    moving = array(0.005, *of_each), array(1.0, *of_each), array(1.0, *of_each), memory, before
+    gains = 1.5 + (array(0.5, 2, PARTICLES) if mixed else array(0.5, 2))
+    moving = (
+        array(0.005, *of_each),
+        array(1.0, *of_each),
+        array(1.0, *of_each),
+        memory,
+        before,
+        gains,
+    )
     return law_of(laws, mixed), listed, moving, parameters
 
 
@@ -200,7 +208,7 @@ def law_of(laws, mixed):
     material = jnp.array([0, 1, 0, 1, 1], jnp.int32) if mixed else None
 
     def loads(listed, moving, parameters):
-        law = forces.total(parameters, PARTICLES, laws=laws, material=material, time_step=0.01)
+        law = forces.of_contacts(parameters, laws=laws, material=material, time_step=0.01)
         return law(listed)(*moving)
 
     return loads
@@ -236,7 +244,7 @@ def test_contacts_are_what_gathers_and_scatters_give(laws, mixed, dtype):
     case = meeting(touches, laws, dtype, seed=2, mixed=mixed)
     found = compare(case)
     assert np.abs(found.force).max() > 0.1
-    *_, before = case[2]
+    *_, before, _ = case[2]
     np.testing.assert_array_equal((found.deepest > before)[:40], touches)
     assert found.torque.any() == (laws.sliding or laws.rolling)
 
@@ -255,7 +263,7 @@ def test_any_number_of_pairs_that_touch(touches, dtype):
     """Vectors that are full, begun or empty; room for more pairs, or for none."""
     case = meeting(touches, dtype=dtype, seed=len(touches), spare=MOST - len(touches))
     found = compare(case)
-    *_, memory, before = case[2]
+    *_, memory, before, _ = case[2]
     np.testing.assert_array_equal(
         found.deepest != before, touches + [False] * (MOST - len(touches))
     )
@@ -544,10 +552,10 @@ def test_the_derivatives_of_contacts():
 
 
 def test_what_a_change_does_not_read_is_not_kept_for_it():
-    law, listed, (displacement, velocity, *more, deepest), parameters = meeting([True] * 5)
+    law, listed, (displacement, velocity, *more, deepest, gains), parameters = meeting([True] * 5)
 
     def loads(velocity):
-        return law(listed, (displacement, velocity, *more, deepest), parameters).force
+        return law(listed, (displacement, velocity, *more, deepest, gains), parameters).force
 
     _, back = jax.vjp(loads, velocity)
     kept = [leaf for leaf in jax.tree.leaves(back) if leaf.shape == deepest.shape]

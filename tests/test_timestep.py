@@ -127,7 +127,7 @@ def test_the_limit_is_where_the_leapfrog_becomes_unstable(regime):
             half_way, velocity, _ = leapfrog.step(
                 half_way,
                 velocity,
-                lambda half_way, _, plain=plain: (-half_way, plain, None),
+                lambda half_way, _, plain=plain: (plain.keep, -plain.gain * half_way, None),
                 step,
             )
         # An undamped orbit below the limit is an ellipse, 1/sqrt(1 - 0.995^2) = 10 long.
