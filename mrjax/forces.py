@@ -106,9 +106,9 @@ def of_contacts(
         separation = jnp.stack(listed.separation)
 
         def body(own: list, common: list) -> Body:
-            left = iter(own[3:])
-            its_radius = next(left) if jnp.ndim(radius) else common[len(by_kind)][-1]
-            return Body(*own[:3], its_radius, *([*left] or common[-1:]))
+            displacement, velocity, spin, *left = own
+            its_radius = left.pop(0) if jnp.ndim(radius) else common[len(by_kind)][-1]
+            return Body(displacement, velocity, spin, its_radius, left[0] if left else common[-1])
 
         def touching(first: list, second: list, pair: list, common: list) -> Array:
             mine, theirs = body(first, common), body(second, common)
@@ -127,8 +127,9 @@ def of_contacts(
             meeting = _meeting(mine, theirs, *pair[:2])
             force, torques, new = _contact(meeting, of_pair, memory, laws, time_step)
             to_first, to_second = [times(mine.gains[0], force)], [times(-theirs.gains[0], force)]
-            for of, to, torque in zip((mine, theirs), (to_first, to_second), torques, strict=False):
-                to.append(times(of.gains[1], torque))
+            if torques:
+                to_first.append(times(mine.gains[1], torques[0]))
+                to_second.append(times(theirs.gains[1], torques[1]))
             kept = [of for of in (new.sliding, new.rolling) if of is not None]
             # To look at: no force reads it.
             deepest = lax.stop_gradient(jnp.maximum(deepest, meeting.overlap))
@@ -262,7 +263,8 @@ def _contact(
         surfaces.damping,
         damped=laws.damped,
     )
-    force, torques, slid, rolled = times(push, normal), (), memory.sliding, memory.rolling
+    force, slid, rolled = times(push, normal), memory.sliding, memory.rolling
+    torques: tuple[Vector, Vector] | tuple[()] = ()
     turn, twist = times(time_step, meeting.turning), time_step * meeting.twisting
     touching = _time_in_contact(meeting, time_step)
     if slid is not None:

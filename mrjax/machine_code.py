@@ -100,6 +100,10 @@ def _module(loop: Loop, particles: int, room: int) -> ir.Module:
         kind = ir.FunctionType(ir.VoidType(), [*pointers, *more])
         made = ir.Function(module, kind, name)
         made.linkage = "internal"
+        if loop.linear:
+            # On a stack aligned to 16 bytes, vectors as long as a cache line would straddle two.
+            made.attributes.alignstack = LINEAR
+            made.attributes.add("nounwind")  # without another, llvmlite leaves the first out
         for index, argument in enumerate(made.args[: len(pointers)]):
             if index not in shared:
                 argument.add_attribute("noalias")
