@@ -17,7 +17,7 @@ from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir, partial_eval
 
 import mrjax
-from mrjax import forces, neighbours, pairs, scan
+from mrjax import forces, machine_code, neighbours, pairs, scan
 from mrjax.history import Memory
 from mrjax.pairs import Pairs
 from mrjax.pairwise import pairwise
@@ -561,6 +561,29 @@ def test_what_a_change_does_not_read_is_not_kept_for_it():
     kept = [leaf for leaf in jax.tree.leaves(back) if leaf.shape == deepest.shape]
     assert any(np.array_equal(leaf, listed.first) for leaf in kept)
     assert not any(np.array_equal(leaf, deepest) for leaf in kept)
+
+
+def test_long_vectors_are_kept_on_an_aligned_stack(monkeypatch):
+    """A stack's alignment is left out by llvmlite where a function has no other attribute."""
+    sources, compiled = [], machine_code._compiled
+
+    def noted(source):
+        sources.append(source)
+        return compiled(source)
+
+    monkeypatch.setattr(machine_code, "_compiled", noted)
+    # A number of places that no other test has, so that it is compiled here.
+    law, listed, (displacement, *more), parameters = meeting([True] * 5, spare=37)
+
+    def size(displacement):
+        return jnp.sum(law(listed, (displacement, *more), parameters).force ** 2)
+
+    jax.jit(jax.grad(size))(displacement)
+    wide = [source for source in sources if "<8 x double>" in source]
+    assert wide
+    for source in wide:
+        defined = [line for line in source.splitlines() if line.startswith("define internal")]
+        assert len(defined) == 2 and all("alignstack(64)" in line for line in defined)
 
 
 def test_what_nothing_moves_has_no_derivative():
