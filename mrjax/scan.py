@@ -186,10 +186,9 @@ def _scan(
     """The compiled loops, in reduced units with steps of length one."""
     particles, dtype = position.shape[1], position.dtype
     law = forces.of_contacts(parameters, laws=laws, material=material)
+    pull = forces.pull(parameters, particles)
     radius = per_particle(particle.outer_radius(parameters), particles)
     skin_left = plan.cutoff - 2.0 * jnp.max(radius)
-
-    pull = forces.pull(parameters, particles)
 
     def kicks(position: Array) -> tuple[Kick, Kick]:
         felt = parameters
@@ -198,7 +197,7 @@ def _scan(
         return leapfrog.kick(felt, 1.0), leapfrog.spin_kick(felt, 1.0)
 
     def pushes(position: Array) -> tuple[Kick, Kick, Array, Array]:
-        """Of a step: its kicks, their gains, and what weight and buoyancy add to velocities."""
+        """Of a step: its kicks, their gains, and what weight and buoyancy add to a velocity."""
         straight, turning = kicks(position)
         gains = jnp.stack(jnp.broadcast_arrays(straight.gain, turning.gain))
         return straight, turning, gains, straight.gain * pull
@@ -256,10 +255,8 @@ def _scan(
             half_way, velocity, spin, memory, deepest, farthest = carry
 
             def kick(half_way: Array, velocity: Array):
-                unhindered = hindrance is None
-                straight, turning, gains, falling = (
-                    everywhere if unhindered else pushes(origin + half_way)
-                )
+                now = everywhere if hindrance is None else pushes(origin + half_way)
+                straight, turning, gains, falling = now
                 found = loads(half_way, velocity, spin, memory, deepest, gains)
                 return straight.keep, falling + found.force, (found, turning.keep)
 
