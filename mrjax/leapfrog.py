@@ -48,6 +48,11 @@ def _kick(resistance: Array, inertia: Array, time_step: float) -> Kick:
     return Kick(jnp.exp(-decay), mean_decay(decay) * time_step / inertia)
 
 
+def kicked(velocity: Array, keep: Array, added: Array) -> Array:
+    """Velocities after a step, or spins; (3, N). What is kept of them is () or (N,)."""
+    return jnp.atleast_2d(keep) * velocity + added
+
+
 def mean_decay(exponent: Array) -> Array:
     """(1 - e^-a) / a, the mean of e^-s for s from 0 to a >= 0; 1 at a = 0. Elementwise."""
     small = exponent < SERIES_BELOW
@@ -82,5 +87,5 @@ def step(
       x_{n+3/2}, v_{n+1} and the last value of `kick`.
     """
     keep, added, noted = kick(half_way, velocity)
-    velocity = keep * velocity + added
+    velocity = kicked(velocity, keep, added)
     return drifted(half_way, velocity, time_step), velocity, noted

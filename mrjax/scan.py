@@ -200,7 +200,7 @@ def _scan(
         """Of a step: its kicks, their gains, and what weight and buoyancy add to a velocity."""
         straight, turning = kicks(position)
         gains = jnp.stack(jnp.broadcast_arrays(straight.gain, turning.gain))
-        return straight, turning, gains, straight.gain * pull
+        return straight, turning, gains, jnp.atleast_2d(straight.gain) * pull
 
     everywhere = pushes(position)
     # A lone particle has room for every wall, and may go where it likes.
@@ -261,7 +261,7 @@ def _scan(
                 return straight.keep, falling + found.force, (found, turning.keep)
 
             half_way, velocity, (found, keep) = leapfrog.step(half_way, velocity, kick, 1.0)
-            spin = keep * spin + found.torque
+            spin = leapfrog.kicked(spin, keep, found.torque)
             gone = lax.stop_gradient(sum(half_way**2))
             farthest = jnp.maximum(farthest, jnp.where(looked_at, gone, 0.0))
             return (half_way, velocity, spin, found.memory, found.deepest, farthest), None

@@ -367,7 +367,7 @@ def separated(listed, displacement):
     """The separations after displacements (3, N), as the forces see them."""
     mine = tuple(part[listed.first] for part in displacement)
     theirs = tuple(part.at[listed.second].get(mode="fill", fill_value=0.0) for part in displacement)
-    moved = (forces.Body(way, None, None, None) for way in (mine, theirs))
+    moved = (forces.Body(way, None, None, None, None) for way in (mine, theirs))
     return forces.apart(*moved, listed.separation, listed.axis)
 
 
