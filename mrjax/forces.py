@@ -57,8 +57,8 @@ def pull(parameters: Parameters, particles: int) -> Array:
 class Loads(NamedTuple):
     """What its contacts do to every particle at one moment."""
 
-    force: Array  # gain by N, (3, N)
-    torque: Array  # gain by N m, (3, N)
+    force: Array  # N, times the gain, (3, N)
+    torque: Array  # N m, times the gain, (3, N)
     memory: Memory
     deepest: Array  # overlap of each pair so far, m; (P,)
 
@@ -99,8 +99,9 @@ def of_contacts(
         each = [i for i, constant in enumerate(constants) if jnp.ndim(constant)]
         same = [i for i in range(len(constants)) if i not in each]
         differing = [jnp.stack([constants[i] for i in each])] if each else []
-        by_pair, by_kind = (differing, []) if kinds is None else ([], differing)
-        by_kind = [rows[:, kind] for rows in by_kind for kind in range(rows.shape[1])]
+        by_pair, by_kind = differing, []
+        if kinds is not None:
+            by_pair, by_kind = [], [row for rows in differing for row in rows.T]
         alike = [constants[i] for i in same] + ([] if jnp.ndim(radius) else [radius])
         of_all = [*by_kind, *([jnp.stack(alike)] if alike else [])]
         separation = jnp.stack(listed.separation)

@@ -196,11 +196,11 @@ def _scan(
             felt = hindered(parameters, hindrance, box, position, spacing=2.0)
         return leapfrog.kick(felt, 1.0), leapfrog.spin_kick(felt, 1.0)
 
-    def pushes(position: Array) -> tuple[Kick, Kick, Array, Array]:
-        """Of a step: its kicks, their gains, and what weight and buoyancy add to a velocity."""
+    def pushes(position: Array) -> tuple[Array, Array, Array, Array]:
+        """What a step keeps of velocities and of spins, its gains, and what gravity adds."""
         straight, turning = kicks(position)
         gains = jnp.stack(jnp.broadcast_arrays(straight.gain, turning.gain))
-        return straight, turning, gains, jnp.atleast_2d(straight.gain) * pull
+        return straight.keep, turning.keep, gains, jnp.atleast_2d(straight.gain) * pull
 
     everywhere = pushes(position)
     # A lone particle has room for every wall, and may go where it likes.
@@ -256,12 +256,12 @@ def _scan(
 
             def kick(half_way: Array, velocity: Array):
                 now = everywhere if hindrance is None else pushes(origin + half_way)
-                straight, turning, gains, falling = now
+                keep, spin_keep, gains, falling = now
                 found = loads(half_way, velocity, spin, memory, deepest, gains)
-                return straight.keep, falling + found.force, (found, turning.keep)
+                return keep, falling + found.force, (found, spin_keep)
 
-            half_way, velocity, (found, keep) = leapfrog.step(half_way, velocity, kick, 1.0)
-            spin = leapfrog.kicked(spin, keep, found.torque)
+            half_way, velocity, (found, spin_keep) = leapfrog.step(half_way, velocity, kick, 1.0)
+            spin = leapfrog.kicked(spin, spin_keep, found.torque)
             gone = lax.stop_gradient(sum(half_way**2))
             farthest = jnp.maximum(farthest, jnp.where(looked_at, gone, 0.0))
             return (half_way, velocity, spin, found.memory, found.deepest, farthest), None
