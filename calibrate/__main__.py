@@ -27,7 +27,7 @@ def _new_experiment(context: click.Context, _option: click.Parameter, file: Path
         for name in ("template.toml", "template.csv")
     )
     commands.write_new({file: template.replace("template.csv", readings.name), readings: example})
-    click.echo(
+    commands.echo(
         f"Put your readings into {readings}, and into {file} what they are of; then: "
         f"mrjax-calibrate {file} --model column"
     )
@@ -201,20 +201,21 @@ def cli(
         text = report.markdown(loaded.name, model, result, figures)
         report.write(folder, text, result, figures, pdf)
     if as_json:
-        click.echo(files.as_json(result))
+        click.echo(files.as_json(result, ascii_only=True))
     elif not quiet:
-        click.echo("\n".join(report.in_words(result)))
+        for line in report.in_words(result):
+            commands.echo(line)
         for one in result.get("left_out", []) + result.get("new", []):
-            click.echo(report.line(one))
-        click.echo(f"Report: {folder / 'report.html'}")
+            commands.echo(report.line(one))
+        commands.echo(f"Report: {folder / 'report.html'}")
     for warning in result["warnings"]:
-        click.echo(f"mrjax-calibrate: warning: {warning}", err=True)
+        commands.echo(f"mrjax-calibrate: warning: {warning}", err=True)
     if result["misfit"]:
         worst = max(
             result["predictions"],
             key=lambda one: abs(one["predicted"] - one["measured"]) / one["sigma"],
         )
-        click.echo(
+        commands.echo(
             f"mrjax-calibrate: warning: the data do not fit; sample {worst['sample']}: "
             f"{worst['measured']:.4g} {worst['unit']} measured, {worst['predicted']:.4g} "
             "predicted: check value and unit",

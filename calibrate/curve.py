@@ -10,25 +10,27 @@ its own error.
 
 import csv
 import math
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
 from calibrate.units import CURVES, HEIGHT_UNITS, RATIO_UNITS, TIME_UNITS, one_of
-from mrjax import InputError
+from mrjax import InputError, reading
 from mrjax.errors import shown
-from mrjax.sheets import LARGEST, SMALLEST, Line, Sheet, text
+from mrjax.sheets import LARGEST, SMALLEST, FileName, Sheet
 
 ERROR = "standard_deviation"
 MOST_BYTES = 10**7
 """Size of a file beyond which it is no curve that anyone has measured."""
+MOST_POINTS = 100_000
 
 
 class CurveSheet(Sheet):
     """Where a curve is, and what its columns mean."""
 
-    file: Line = Field(description="a CSV file, as a path from this file")
+    file: FileName = Field(description="a CSV file, as a path from this file")
     time_unit: Annotated[str, one_of(TIME_UNITS)] = Field(
         description=f"one of {', '.join(TIME_UNITS)}"
     )
@@ -66,15 +68,12 @@ def read(sheet: CurveSheet, folder: Path) -> Curve:
     """
     path = folder / sheet.file
     rows = _rows(path)
-    header, *lines = rows if rows else [(1, [])]
-    columns = _columns(path, *header, sheet)
-    if len(lines) < 2:
-        raise InputError(f"{path}: has {len(lines)} rows of numbers; give at least 2")
+    columns = _columns(path, *next(rows, (1, [])), sheet)
     observable = next(name for name in CURVES if name in columns)
     times: list[float] = []
     values: list[float] = []
     errors: list[float] = []
-    for number, cells in lines:
+    for number, cells in rows:
         at = f"{path}, line {number}"
         if len(cells) != len(columns):
             raise InputError(
@@ -98,6 +97,10 @@ def read(sheet: CurveSheet, folder: Path) -> Curve:
         times.append(row["time"])
         values.append(row[observable])
         errors.append(error)
+        if len(times) > MOST_POINTS:
+            raise InputError(f"{at}: comes after {MOST_POINTS} rows; give fewer readings")
+    if len(times) < 2:
+        raise InputError(f"{path}: has {len(times)} rows of numbers; give at least 2")
     second = TIME_UNITS[sheet.time_unit]
     return Curve(
         observable,
@@ -109,26 +112,28 @@ def read(sheet: CurveSheet, folder: Path) -> Curve:
     )
 
 
-def _rows(path: Path) -> list[tuple[int, list[str]]]:
+def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
     """The cells of every line that is neither empty nor a comment, with its number."""
     try:
-        content = text(path, MOST_BYTES)
+        content = reading.text(path, MOST_BYTES)
     except FileNotFoundError:
         raise InputError(f"{path}: no such file; give the curve's CSV file") from None
     except UnicodeDecodeError:
         raise InputError(f"{path}: is not UTF-8 text; save the curve as a UTF-8 CSV") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from None
-    lines = enumerate(content.splitlines(), start=1)
-    kept = [(number, line) for number, line in lines if line.strip() and line.lstrip()[0] != "#"]
-    return [(number, _cells(path, number, line)) for number, line in kept]
+    for number, line in enumerate(content.splitlines(), start=1):
+        if line.strip() and line.lstrip()[0] != "#":
+            yield number, _cells(path, number, line)
 
 
 def _cells(path: Path, number: int, line: str) -> list[str]:
     try:
         (row,) = csv.reader([line], strict=True)
     except csv.Error as error:
-        raise InputError(f"{path}, line {number}: {error}; mend its quotation marks") from None
+        raise InputError(
+            f"{path}, line {number}: {error}; mend its quotation marks, or shorten it"
+        ) from None
     return [cell.strip() for cell in row]
 
 

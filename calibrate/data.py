@@ -14,8 +14,12 @@ from calibrate.curve import CurveSheet
 from calibrate.fitted import Fitted, ParameterSheet, fitted
 from calibrate.suspension import BED, CLOSURE, Suspension, refuse_unknown, suspension
 from calibrate.units import RATIO_UNITS, VELOCITY_UNITS, one_of
-from mrjax import InputError, Recipe, sheets
-from mrjax.sheets import Line, Sheet
+from mrjax import InputError, Recipe, reading, sheets
+from mrjax.errors import shown
+from mrjax.sheets import FileName, Name, Sheet
+
+MOST = 1000
+"""Samples, or parameters, of an experiment."""
 
 
 class InitialVelocity(Sheet):
@@ -55,8 +59,8 @@ class ViscosityRatio(Sheet):
 class SampleSheet(Sheet):
     """One suspension that was measured."""
 
-    name: Line = Field(description="a name for the sample")
-    recipe: Line = Field(description="a bundled recipe's name, or a path from this file")
+    name: Name = Field(description="a name for the sample")
+    recipe: FileName = Field(description="a bundled recipe's name, or a path from this file")
     height: float | None = Field(
         default=None, gt=0, description="of the suspension in its tube in m, above zero"
     )
@@ -88,16 +92,22 @@ class SampleSheet(Sheet):
 class ExperimentSheet(Sheet):
     """A TOML file of samples and parameters."""
 
-    name: Line = Field(description="a name for the experiment")
-    sample: list[SampleSheet] = Field(min_length=1, description="one [[sample]] for each")
-    parameter: list[ParameterSheet] = Field(min_length=1, description="one [[parameter]] for each")
+    name: Name = Field(description="a name for the experiment")
+    sample: list[SampleSheet] = Field(
+        min_length=1, max_length=MOST, description=f"one [[sample]] for each, at most {MOST}"
+    )
+    parameter: list[ParameterSheet] = Field(
+        min_length=1, max_length=MOST, description=f"one [[parameter]] for each, at most {MOST}"
+    )
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         names = [sample.name for sample in self.sample]
-        for name in names:
-            if names.count(name) > 1:
-                raise ValueError(f"sample.name = {name!r}: given twice; give each its own name")
+        for name, count in Counter(names).items():
+            if count > 1:
+                raise ValueError(
+                    f"sample.name = {shown(name)}: given twice; give each its own name"
+                )
         for sample in self.sample:
             measured = (
                 sample.initial_velocity,
@@ -107,21 +117,21 @@ class ExperimentSheet(Sheet):
             )
             if not any(measured):
                 raise ValueError(
-                    f"sample {sample.name!r}: nothing was measured; give it a table "
+                    f"sample {shown(sample.name)}: nothing was measured; give it a table "
                     "initial_velocity, final_ratio, curve or viscosity_ratio"
                 )
-        taken = set()
+        known, taken = set(names), set()
         for parameter in self.parameter:
             for name in parameter.samples or names:
-                if name not in names:
+                if name not in known:
                     raise ValueError(
-                        f"parameter {parameter.name!r}: samples = {name!r}: no such sample; "
-                        f"known: {', '.join(names)}"
+                        f"parameter {shown(parameter.name)}: samples = {shown(name)}: no such "
+                        f"sample; known: {', '.join(names)}"
                     )
                 if (parameter.name, name) in taken:
                     raise ValueError(
-                        f"parameter.name = {parameter.name!r}: given twice for sample {name!r}; "
-                        "keep one"
+                        f"parameter.name = {shown(parameter.name)}: given twice for sample "
+                        f"{shown(name)}; keep one"
                     )
                 taken.add((parameter.name, name))
         if all(parameter.value is not None for parameter in self.parameter):
@@ -244,7 +254,7 @@ class Experiment:
 
 def _refuse(name: str, sample: Sample, sheet: ExperimentSheet, source: str) -> None:
     """Passes where the sample has the quantity, once."""
-    at = f"{source}: parameter.name = {name!r}: sample {sample.name!r}"
+    at = f"{source}: parameter.name = {shown(name)}: sample {shown(sample.name)}"
     try:
         refuse_unknown(name, sample.recipe)
     except InputError as error:
@@ -263,9 +273,9 @@ def _refuse(name: str, sample: Sample, sheet: ExperimentSheet, source: str) -> N
 def _sample(sheet: SampleSheet, folder: Path, source: str) -> Sample:
     beside = folder / sheet.recipe
     try:
-        recipe = Recipe.load(beside if beside.is_file() else sheet.recipe)
+        recipe = Recipe.load(beside if reading.is_file(beside) else sheet.recipe)
     except InputError as error:
-        raise InputError(f"{source}: sample {sheet.name!r}: recipe {error}") from None
+        raise InputError(f"{source}: sample {shown(sheet.name)}: recipe {error}") from None
     measured = []
     if velocity := sheet.initial_velocity:
         measured.append(
@@ -284,8 +294,8 @@ def _sample(sheet: SampleSheet, folder: Path, source: str) -> Sample:
     if sheet.curve:
         if sheet.height is None:
             raise InputError(
-                f"{source}: sample {sheet.name!r}: height is missing; give that of the suspension "
-                "in its tube in m, which a curve needs"
+                f"{source}: sample {shown(sheet.name)}: height is missing; give that of the "
+                "suspension in its tube in m, which a curve needs"
             )
         read = curve.read(sheet.curve, folder)
         times = tuple(read.times)

@@ -13,13 +13,14 @@ from pydantic import Field, model_validator
 
 from calibrate.fit import LogNormal
 from calibrate.suspension import BED
-from mrjax.sheets import Line, Sheet
+from mrjax.errors import shown
+from mrjax.sheets import Name, Sheet
 
 
 class ParameterSheet(Sheet):
     """A quantity to be fitted, or held at a value."""
 
-    name: Line = Field(
+    name: Name = Field(
         description="a leaf of mrjax.Parameters such as f_s, a coefficient of the closure such as "
         "f_w.exponent, or bed_fraction"
     )
@@ -32,7 +33,7 @@ class ParameterSheet(Sheet):
     standard_deviation: float | None = Field(
         default=None, gt=0, description="of the prior between bounds, above zero"
     )
-    samples: list[str] | None = Field(
+    samples: list[Name] | None = Field(
         default=None, min_length=1, description="names of samples, or leave out"
     )
     per_sample: bool = Field(
@@ -41,7 +42,7 @@ class ParameterSheet(Sheet):
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
-        at = f"parameter {self.name!r}"
+        at = f"parameter {shown(self.name)}"
         if (self.value is None) == (self.median is None):
             raise ValueError(
                 f"{at}: give either median, where the search begins, or value, to hold it"
@@ -63,8 +64,8 @@ class ParameterSheet(Sheet):
             )
         if len(self.bounds) != 2 or not self.bounds[0] < self.median < self.bounds[1]:
             raise ValueError(
-                f"{at}: bounds = {self.bounds}: must be [lower, upper] on either side of the "
-                f"median, {self.median:g}"
+                f"{at}: bounds = {shown(self.bounds)}: must be [lower, upper] on either side of "
+                f"the median, {self.median:g}"
             )
         return self
 
@@ -73,7 +74,7 @@ class ParameterSheet(Sheet):
         ends = [one for one in (self.value, self.median, *(self.bounds or ())) if one is not None]
         if self.name == BED and not all(0 <= one <= 1 for one in ends):
             raise ValueError(
-                f"parameter {self.name!r}: {max(ends, key=abs):g} is no volume fraction; give "
+                f"parameter {shown(self.name)}: {max(ends, key=abs):g} is no volume fraction; give "
                 "values between 0 and 1, such as 0.6"
             )
         return self

@@ -12,10 +12,13 @@ from jax.typing import ArrayLike
 
 from mrjax import InputError, Parameters, Recipe
 from mrjax.hindrance import Hindrance
+from mrjax.sheets import did_you_mean
 
 BED = "bed_fraction"
 CLOSURE = "f_w."
 """What the name of a closure's coefficient begins with: `f_w.exponent`."""
+FACTORS = ("f_w", "f_s", "f_v", "f_r")
+"""The leaves that are fitted most."""
 LEAVES = tuple(leaf.name for leaf in fields(Parameters))
 
 
@@ -85,8 +88,11 @@ def refuse_unknown(name: str, recipe: Recipe) -> None:
             raise InputError(f"its closure has no such coefficient; known: {', '.join(known)}")
         return
     if name not in LEAVES:
-        names = ", ".join([*LEAVES, BED, *_coefficients(recipe)])
-        raise InputError(f"no such quantity; known: {names}")
+        known = [*FACTORS, BED, *_coefficients(recipe)]
+        raise InputError(
+            f"no such quantity; {did_you_mean(name, [*known, *LEAVES])}known: {', '.join(known)}, "
+            "and the other leaves of mrjax.Parameters"
+        )
     if jnp.ndim(getattr(recipe.parameters(), name)):
         raise InputError(
             f"the recipe {recipe.name} has more than one value of it, for sizes or surfaces; fit "

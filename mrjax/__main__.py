@@ -241,28 +241,28 @@ def simulate(
             for ending in animate:
                 figures.save_animation(folder / f"settling{of_seed}.{ending}", one)
     for warning in warnings:
-        click.echo(f"mrjax: warning: {warning}", err=True)
+        commands.echo(f"mrjax: warning: {warning}", err=True)
     if as_json:
-        click.echo(files.as_json(summary))
+        click.echo(files.as_json(summary, ascii_only=True))
     if quiet or as_json:
         return
     for note in notes:
-        click.echo(f"Note: {note}.")
-    click.echo(
+        commands.echo(f"Note: {note}.")
+    commands.echo(
         f"{summary['particles']} particles settle at {mrjax.MM_PER_DAY * velocity:.5g} mm/day "
         f"(Eq. 27 with the same factors: {float(summary['closed_form_mm_per_day']):.5g})."
     )
     if duration is None:
         error = summary["final_ratio_standard_error"]
         spread = "" if ensemble == 1 else f" +- {100 * error:.2g}, mean of {ensemble}"
-        click.echo(
+        commands.echo(
             f"They rest after {summary['duration_s']:.3g} s at {100 * summary['final_ratio']:.2f} "
             f"%{spread} of the height; contacts softened to {summary['deepest_overlap_radii']:.2g} "
             f"radii, moduli by a factor of {summary['softening']:.2g}."
         )
-    click.echo(f"Numbers, and where the model holds: {validity.in_words(numbers)}.")
-    click.echo(f"{run.steps} steps of {run.time_step:.3g} s on {jax.default_backend()}.")
-    click.echo(f"Results: {folder}")
+    commands.echo(f"Numbers, and where the model holds: {validity.in_words(numbers)}.")
+    commands.echo(f"{run.steps} steps of {run.time_step:.3g} s on {jax.default_backend()}.")
+    commands.echo(f"Results: {folder}")
 
 
 def _columns(run: "Run") -> dict[str, Any]:
@@ -333,7 +333,7 @@ def new(file: Path) -> None:
     """Copies the template."""
     text = resources.files("mrjax").joinpath("template.toml").read_text("utf-8")
     commands.write_new({file: text})
-    click.echo(f"Change {file}, then: mrjax check {file}")
+    commands.echo(f"Change {file}, then: mrjax check {file}")
 
 
 @cli.command(
@@ -362,19 +362,19 @@ def check(recipe: str, quiet: bool, as_json: bool) -> None:
     sheet = mrjax.Recipe.load(recipe)
     quantities, warnings = derived.derived(sheet), derived.warnings(sheet)
     for warning in warnings:
-        click.echo(f"mrjax: warning: {warning}", err=True)
+        commands.echo(f"mrjax: warning: {warning}", err=True)
     if as_json:
         found = {one.name: {"value": one.value, "unit": one.unit} for one in quantities}
         result = {"recipe": sheet.name, "derived": found, "notes": sheet.notes}
-        click.echo(files.as_json(result | {"warnings": warnings}))
+        click.echo(files.as_json(result | {"warnings": warnings}, ascii_only=True))
     if quiet or as_json:
         return
     widest = max(len(one.name) for one in quantities)
     for one in quantities:
         unit = "" if one.unit == "1" else f" {one.unit}"
-        click.echo(f"{one.name:{widest}}  {one.value:.5g}{unit}")
+        commands.echo(f"{one.name:{widest}}  {one.value:.5g}{unit}")
     for note in sheet.notes:
-        click.echo(f"Note: {note}.")
+        commands.echo(f"Note: {note}.")
 
 
 @cli.command(
@@ -423,7 +423,7 @@ def reproduce(
 
     def report(text: str) -> None:
         if not quiet:
-            click.echo(text, err=True)
+            commands.echo(text, err=True)
 
     commands.start_jax(dtype)
     folder = files.result_folder(Path(out))
@@ -463,10 +463,11 @@ def reproduce(
             folder / "reproduce.md", f"# Son (2018), recomputed\n\n{table}\n## Figures\n\n{shown}"
         )
     if as_json:
-        click.echo(files.as_json(paper.as_tables(found)))
+        click.echo(files.as_json(paper.as_tables(found), ascii_only=True))
     elif not quiet:
-        click.echo(table)
-        click.echo(f"Results: {folder}")
+        for line in table.splitlines():
+            commands.echo(line)
+        commands.echo(f"Results: {folder}")
 
 
 def main() -> None:

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.shell_completion import CompletionItem
 
-from mrjax.errors import InputError, SimulationError
+from mrjax.errors import InputError, SimulationError, shown
+from mrjax.text import in_message, in_terminal
 
 if TYPE_CHECKING:
     from mrjax.recipe import Recipe
@@ -115,6 +116,12 @@ def _processes(text: str | None) -> tuple[str | None, int | None, int | None] | 
     return found[1], int(found[2]), int(found[3])
 
 
+def echo(line: str, err: bool = False) -> None:
+    """Prints a line, of any text, on standard output, or on standard error."""
+    stream = sys.stderr if err else sys.stdout
+    click.echo(in_terminal(line, getattr(stream, "encoding", None)), err=err)
+
+
 def write_new(texts: dict[Path, str]) -> None:
     """Writes files for a user to change.
 
@@ -124,7 +131,9 @@ def write_new(texts: dict[Path, str]) -> None:
     from mrjax import files
 
     for path in texts:
-        if path.exists():
+        if not str(path).isprintable():
+            raise InputError(f"{shown(str(path))}: is no file name; give another")
+        if os.path.lexists(path):
             raise InputError(f"{path}: is there already; give another name")
     for path, text in texts.items():
         try:
@@ -189,11 +198,11 @@ def run(command: click.Command, name: str) -> None:
     except (KeyboardInterrupt, click.Abort) as stop:
         # What click makes an Abort of says, where it was kept, how to go on.
         advice = "".join(f"; {text}" for text in getattr(stop.__cause__, "args", ()))
-        click.echo(f"\n{name}: interrupted; no results were written{advice}", err=True)
+        click.echo(err=True)
+        echo(f"{name}: interrupted; no results were written{advice}", err=True)
         sys.stdout.flush()
         sys.stderr.flush()
         # After an interrupted compilation jaxlib 0.10.1 crashes while the interpreter shuts down.
         os._exit(INTERRUPTED)
-    line = " ".join(text.split()).encode(errors="backslashreplace").decode()
-    click.echo(f"{name}: {line}", err=True)
+    echo(f"{name}: {in_message(text)}", err=True)
     sys.exit(status)

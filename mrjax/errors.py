@@ -2,6 +2,8 @@
 
 from typing import TYPE_CHECKING
 
+from mrjax import text
+
 if TYPE_CHECKING:
     from mrjax.state import State
 
@@ -10,7 +12,13 @@ LONGEST = 60
 
 
 class InputError(ValueError):
-    """What was given cannot be used; the message names the value, the fault and the remedy."""
+    """What was given cannot be used; the message names the value, the fault and the remedy.
+
+    It is one printable line of at most 400 characters, whatever it is made of.
+    """
+
+    def __init__(self, message: object = "") -> None:
+        super().__init__(text.in_message(str(message)))
 
 
 class SimulationError(RuntimeError):
@@ -23,14 +31,17 @@ class SimulationError(RuntimeError):
     faults: int = 0
     """Every `Fault` of that run, added up."""
 
+    def __init__(self, message: object = "") -> None:
+        super().__init__(text.in_message(str(message)))
+
 
 def shown(value: object) -> str:
-    """A value as a message has it: in one line, and only the beginning of what is long."""
+    """A value as a message has it: one printable line, and only the beginning of what is long."""
     try:
-        text = " ".join(repr(value).split())
+        line = repr(value)
     except (ValueError, RecursionError):  # an integer of thousands of digits, tables in tables
         return f"a {type(value).__name__} too long to show"
-    return text if len(text) <= LONGEST else text[: LONGEST - 3] + "..."
+    return text.shortened(text.printable(" ".join(line.split())), LONGEST, ends=1.0)
 
 
 def shown_key(key: object) -> str:

@@ -65,9 +65,19 @@ def write_text(path: Path, text: str) -> None:
         scratch.write_text(text, encoding="utf-8", newline="")
 
 
-def as_json(value: Any) -> str:
-    """JSON with numpy and JAX numbers as numbers, and what is not finite as null."""
-    return json.dumps(plain(value), indent=2, ensure_ascii=False)
+def as_json(value: Any, ascii_only: bool = False) -> str:
+    """JSON with numpy and JAX numbers as numbers, and what is not finite as null.
+
+    What is not printable is escaped, and all that is not ASCII where asked for.
+    """
+    lines = json.dumps(plain(value), indent=2, ensure_ascii=ascii_only).split("\n")
+    return "\n".join(line if line.isprintable() else "".join(map(_in_json, line)) for line in lines)
+
+
+def _in_json(character: str) -> str:
+    if character.isprintable():
+        return character
+    return "\\u007f" if character == "\x7f" else json.dumps(character)[1:-1]
 
 
 def write_json(path: Path, value: Any) -> None:

@@ -4,7 +4,6 @@ Weight fractions become volume fractions, a number of particles in the box, and 
 that every law reads. Everything is checked here, once.
 """
 
-import difflib
 import inspect
 import math
 from pathlib import Path
@@ -29,7 +28,7 @@ from mrjax.by_numpy import by_numpy
 from mrjax.errors import InputError, shown, shown_key
 from mrjax.hindrance import DENSEST, Hindrance
 from mrjax.parameters import Parameters
-from mrjax.sheets import Line, Sheet
+from mrjax.sheets import Name, Sheet
 from mrjax.sizes import Sizes
 
 RANDOM_CLOSE_PACKING = 0.64
@@ -183,15 +182,14 @@ class Drag(Sheet):
             )
         closure = drag.CLOSURES.get(str(sheet["closure"]))
         if closure is None:
-            close = difflib.get_close_matches(str(sheet["closure"]), drag.CLOSURES, n=1)
-            hint = f"did you mean {close[0]}? " if close else ""
+            hint = sheets.did_you_mean(str(sheet["closure"]), drag.CLOSURES)
             raise ValueError(
                 f"drag.f_w = {shown(f_w)}: no such closure; {hint}give a number or one of {names}"
             )
         known = list(inspect.signature(closure).parameters)[1:]
-        for key in sheet.keys() - {"closure", *known}:
+        for key in [key for key in sheet if key not in ("closure", *known)]:
             raise ValueError(
-                f"drag.f_w.{key} = {shown(sheet[key])}: {sheet['closure']} has no such "
+                f"drag.f_w.{shown_key(key)} = {shown(sheet[key])}: {sheet['closure']} has no such "
                 f"coefficient; known: {', '.join(known) or 'none'}"
             )
         if isinstance(f_w, str):
@@ -275,7 +273,7 @@ class Recipe(Sheet):
     is an `InputError` in one line.
     """
 
-    name: Line = Field(description="a name for the recipe")
+    name: Name = Field(description="a name for the recipe")
     particle: Particle = Field(description="a table [particle]")
     fluid: Fluid = Field(description="a table [fluid]")
     coating: Coating | None = Field(default=None, description="a table [coating]")

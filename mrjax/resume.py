@@ -5,9 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import click
-
-from mrjax import checkpoint, state_file
+from mrjax import checkpoint, commands, state_file
 from mrjax.checkpoint import Checkpoint
 from mrjax.errors import InputError, SimulationError
 
@@ -42,7 +40,7 @@ def kept(folder: Path, resume: bool, quiet: bool, **work: Any) -> Iterator[Path]
         )
     Checkpoint.of_work(path, **work).claim()
     if checkpoint.holds_anything(path) and not quiet:
-        click.echo(f"Going on with what {path} keeps.", err=True)
+        commands.echo(f"Going on with what {path} keeps.", err=True)
     (folder / LAST_GOOD).unlink(missing_ok=True)
     try:
         yield path

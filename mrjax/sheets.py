@@ -3,6 +3,7 @@
 import difflib
 import os
 import tomllib
+from collections.abc import Callable, Iterable
 from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -11,12 +12,16 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, fie
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError
 
+from mrjax import reading, toml_limits
 from mrjax.errors import LONGEST, InputError, shown, shown_key
+from mrjax.text import shortened
 
 MOST_BYTES = 10**6
 """Size of a file beyond which it is no sheet that anyone has written."""
 SMALLEST, LARGEST = 1e-30, 1e30
 """Of numbers beside 0, in any unit: what follows from others is not finite."""
+LONGEST_NAME, LONGEST_PATH = 200, 1000
+"""Characters."""
 
 
 class Sheet(BaseModel):
@@ -37,14 +42,21 @@ class Sheet(BaseModel):
         return value
 
 
-def _one_line(text: str) -> str:
-    if not text or not text.isprintable():
-        raise PydanticCustomError("line", "must be one line of text")
-    return text
+def _one_line(most: int) -> Callable[[str], str]:
+    def check(text: str) -> str:
+        if not text.strip() or not text.isprintable():
+            raise PydanticCustomError("line", "must be one line of text")
+        if len(text) > most:
+            raise PydanticCustomError("long", f"must be at most {most} characters long")
+        return text
+
+    return check
 
 
-Line = Annotated[str, AfterValidator(_one_line)]
-"""A name or a path, as it is repeated in messages."""
+Name = Annotated[str, AfterValidator(_one_line(LONGEST_NAME))]
+"""Of a recipe, an experiment, a sample or a parameter, as it is repeated in messages."""
+FileName = Annotated[str, AfterValidator(_one_line(LONGEST_PATH))]
+"""A path, or what is bundled by its name."""
 
 
 OF_ANOTHER_FILE = {
@@ -84,10 +96,9 @@ def read(source: str | Path, package: str, kind: str) -> tuple[dict[str, Any], P
     if not name:
         raise InputError(f"'': is no file name; give a TOML file or one of {names}")
     try:
-        return tomllib.loads(text(path)), path
+        content = reading.text(path, MOST_BYTES)
     except FileNotFoundError:
-        close = difflib.get_close_matches(name.lower(), known, n=1)
-        hint = f"did you mean {close[0]}? " if close else ""
+        hint = did_you_mean(name.lower(), known)
         raise InputError(
             f"{source}: no such file, and no bundled {kind}; {hint}give a TOML file or one of "
             f"{names}"
@@ -98,31 +109,31 @@ def read(source: str | Path, package: str, kind: str) -> tuple[dict[str, Any], P
         ) from None
     except UnicodeDecodeError:
         raise InputError(f"{source}: is not UTF-8 text; save the {kind} as UTF-8 TOML") from None
-    except InputError:
-        raise
-    except tomllib.TOMLDecodeError as error:
-        said = " ".join(str(error).split())  # its end says where
-        said = said if len(said) <= 2 * LONGEST else f"{said[:LONGEST]} ... {said[-LONGEST:]}"
-        raise InputError(f"{source}: is not TOML: {said}; mend that line") from None
-    except RecursionError:
-        raise InputError(f"{source}: has tables in tables without end; write them flat") from None
     except (OSError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{source}: cannot be read ({reason}); check the path") from None
+    return _tables(content, str(source)), path
 
 
-def text(path: Path, most: int = MOST_BYTES) -> str:
-    """A text file, as long as it is not larger than so many bytes.
+def _tables(content: str, source: str) -> dict[str, Any]:
+    try:
+        toml_limits.refuse_excess(content)
+        return tomllib.loads(content)
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from None
+    except tomllib.TOMLDecodeError as error:
+        said = shortened(" ".join(str(error).split()), 2 * LONGEST)  # its end says where
+        raise InputError(f"{source}: is not TOML: {said}; mend that line") from None
+    except ValueError as error:  # an integer of thousands of digits
+        raise InputError(f"{source}: cannot be read ({error}); check the path") from None
 
-    Raises:
-      InputError: it is.
-      OSError, UnicodeDecodeError: it cannot be read, or is no UTF-8.
-    """
-    with path.open("rb") as file:  # what has no end, too
-        content = file.read(most + 1)
-    if len(content) > most:
-        raise InputError(f"{path}: is larger than {most / 1e6:g} MB; check the path")
-    return content.decode("utf-8-sig")
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """A question with the known name that is most like one; nothing where none is."""
+    close = difflib.get_close_matches(name, list(known), n=1) if len(name) <= LONGEST else []
+    return f"did you mean {close[0]}? " if close else ""
 
 
 def validated(model: type[SheetType], table: dict[str, Any], source: str) -> SheetType:
@@ -153,11 +164,10 @@ def first_fault(model: type[Sheet], error: ValidationError) -> str:
             return f"{key} is missing; give {description}"
         case "extra_forbidden":
             known = _known_keys(model, path[:-1])
-            close = difflib.get_close_matches(str(path[-1]), known, n=1)
-            hint = f"did you mean {close[0]}?" if close else f"known here: {', '.join(known)}"
+            hint = did_you_mean(str(path[-1]), known) or f"known here: {', '.join(known)}"
             if len(path) == 1 and path[0] in OF_ANOTHER_FILE:
                 return f"{key}: this is {OF_ANOTHER_FILE[path[0]]}"
-            return f"{key} = {shown(fault['input'])}: unknown key; {hint}"
+            return f"{key} = {shown(fault['input'])}: unknown key; {hint.rstrip()}"
         case "value_error":
             message = str(fault["ctx"]["error"])
             return message if key.split(".")[0] in message else f"{key}: {message}"

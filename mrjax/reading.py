@@ -1,0 +1,76 @@
+"""Files of a user, opened to be read: regular files alone, and no more of them than a bound.
+
+A pipe would wait for its writer, a device need not end, and to open one may do something.
+"""
+
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import BinaryIO
+
+from mrjax.errors import InputError
+
+OTHERS = {
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+}
+"""What goes by a path and is neither a file nor a directory."""
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[BinaryIO]:
+    """A regular file, open to be read as bytes.
+
+    Raises:
+      InputError: a pipe, a socket or a device.
+      OSError: there is no such file, it is a directory, or the system refuses.
+    """
+    _refuse_others(path, os.stat(path).st_mode)
+    with open(path, "rb", opener=_without_waiting) as file:
+        _refuse_others(path, os.fstat(file.fileno()).st_mode)  # another may have its place by now
+        yield file
+
+
+def content(path: Path, most: int) -> bytes:
+    """All of a file, as long as that is not more than so many bytes.
+
+    Raises:
+      InputError: it is, or is no regular file.
+      OSError: as for `opened`.
+    """
+    with opened(path) as file:
+        found = file.read(most + 1) or b""  # nothing: one that would have to be waited for
+    if len(found) > most:
+        raise InputError(f"{path}: is larger than {most / 1e6:g} MB; check the path")
+    return found
+
+
+def text(path: Path, most: int) -> str:
+    """The same as text in UTF-8, without a byte order mark.
+
+    Raises:
+      InputError, OSError: as for `content`.
+      UnicodeDecodeError: it is no UTF-8.
+    """
+    return content(path, most).decode("utf-8-sig")
+
+
+def is_file(path: Path) -> bool:
+    """Whether a path leads to a file; what the system takes for no path does not."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def _refuse_others(path: Path, mode: int) -> None:
+    if (kind := OTHERS.get(stat.S_IFMT(mode))) is not None:
+        raise InputError(f"{path}: is {kind}, which is not read; give a file")
+
+
+def _without_waiting(path: str, flags: int) -> int:
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
