@@ -12,6 +12,7 @@ from calibrate.fit import Fit, fit
 from calibrate.predict import ForwardModelMaker
 from calibrate.residuals import Problem
 from mrjax import SimulationError
+from mrjax.checkpoint import refuse_foreign
 
 MOST_PREPARED = 4
 """How often at most; a factor of 3 in velocity each."""
@@ -46,6 +47,7 @@ def calibrated(
         measured; or a checkpoint of another fit.
       SimulationError: the fit that was to begin with did not converge.
     """
+    refuse_foreign(checkpoint)
     near = None
     if begin_with is not None:
         _, first = calibrated(

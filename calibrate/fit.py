@@ -23,7 +23,7 @@ from jax.typing import ArrayLike
 from scipy.optimize import OptimizeResult, least_squares, minimize
 from tqdm import tqdm
 
-from mrjax.checkpoint import Checkpoint, digest
+from mrjax.checkpoint import Checkpoint, digest, refuse_foreign
 from mrjax.permissive import permissive
 
 CONVERGED_BELOW = 1e-4
@@ -153,6 +153,7 @@ def fit(
       >>> fit.converged, fit.values.round(3)
       (True, array([5.986]))
     """
+    refuse_foreign(checkpoint)
     optimizer = optax.with_extra_args_support(optimizer or optax.adam(0.3))
     names = _names(start)
     leaves, structure = jax.tree.flatten(start)

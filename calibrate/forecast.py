@@ -23,6 +23,7 @@ from calibrate.predict import ForwardModelMaker, as_measured, forward_model
 from calibrate.suspension import BED, CLOSURE, refuse_unknown
 from calibrate.units import VELOCITY_UNITS
 from mrjax import InputError, Recipe, SimulationError
+from mrjax.checkpoint import refuse_foreign
 from mrjax.permissive import permissive
 
 
@@ -112,6 +113,7 @@ def leave_one_out(
       InputError: there is only one sample, or nothing is fitted without one of them.
       SimulationError: a fit without one of the samples did not converge.
     """
+    refuse_foreign(checkpoint)
     refuse_leaving_out(experiment)
     found = []
     for number, sample in enumerate(experiment.samples):

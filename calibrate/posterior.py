@@ -17,7 +17,7 @@ from jax import Array
 from calibrate.fit import Fit
 from calibrate.identify import identify, information
 from mrjax import InputError
-from mrjax.checkpoint import Checkpoint
+from mrjax.checkpoint import Checkpoint, refuse_foreign
 from mrjax.permissive import permissive
 
 CHAINS, WARM_UP, SAMPLES = 4, 300, 500
@@ -63,6 +63,7 @@ def posterior(
     Raises:
       InputError: blackjax is not installed, the posterior has no end, or a checkpoint of another.
     """
+    refuse_foreign(checkpoint)
     refuse_without_sampler()
     _refuse_without_end(fit)
     work = None

@@ -19,6 +19,7 @@ from calibrate.predict import (
     forward_model,
 )
 from mrjax import terminal_velocity
+from mrjax.checkpoint import refuse_foreign
 
 HOLDS_WITHIN = 3.0
 """Factor on the velocity within which a forward model holds that is prepared for another: a run of
@@ -66,6 +67,7 @@ class Problem:
           >>> problem.predict(problem.start).round(2)  # mm/day and %, of both samples
           Array([ 9.12, 67.44,  4.9 , 83.28], dtype=float64)
         """
+        refuse_foreign(checkpoint)
         make = forward_model(model)
         near = OrderedDict(experiment.start if near is None else near)
         return cls(

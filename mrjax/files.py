@@ -4,16 +4,15 @@ import csv
 import json
 import math
 import os
+import re
 import tempfile
-import zipfile
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jax.typing import ArrayLike
 
 from mrjax.errors import InputError
 
@@ -22,8 +21,8 @@ if TYPE_CHECKING:
 
 DOTS_PER_INCH = 300
 """Of figures as PNG."""
-METADATA = "metadata"
-"""Entry of an npz file that says in JSON what its arrays are."""
+SCRATCH = ".mrjax-"
+"""How the names of scratch files begin."""
 
 
 def result_folder(path: Path) -> Path:
@@ -47,16 +46,27 @@ def result_folder(path: Path) -> Path:
 def replacing(path: Path) -> Iterator[Path]:
     """A name beside a file, under which to write what then replaces it at once.
 
-    A reader sees the old file or the new, never half of it; what fails leaves the old one.
+    A reader sees the old file or the new, never half of it, even after the power failed; what fails
+    leaves the old one. The name is one that nobody can foresee, and was not there before.
     """
-    # Always the same name: what a killed process leaves is used up by the next.
-    scratch = path.with_name(f".{path.stem}.partial{path.suffix}")
+    # Libraries choose a format by the ending.
+    handle, name = tempfile.mkstemp(f".partial{path.suffix[:16]}", SCRATCH, path.parent)
+    os.close(handle)
+    scratch = Path(name)
     try:
         yield scratch
         os.chmod(scratch, 0o666 & ~_umask())
+        _flush(scratch)
         os.replace(scratch, path)
     finally:
         scratch.unlink(missing_ok=True)
+    with suppress(OSError):  # some file systems cannot
+        _flush(path.parent)
+
+
+def is_scratch(name: str) -> bool:
+    """Whether a file is what a killed process left of `replacing`."""
+    return re.fullmatch(rf"{re.escape(SCRATCH)}\w{{8}}\.partial(\.\w{{1,15}})?", name) is not None
 
 
 def write_text(path: Path, text: str) -> None:
@@ -94,47 +104,6 @@ def write_csv(path: Path, columns: dict[str, Iterable[float]]) -> None:
     write_text(path, "".join(text))
 
 
-def write_npz(path: Path, arrays: Mapping[str, ArrayLike], metadata: Mapping[str, Any]) -> None:
-    """Arrays by name in numpy's format, with all digits, and what they are as JSON; no pickle.
-
-    Args:
-      path: ends in `.npz`; replaced at once.
-      arrays: of numbers; names tell units, such as `position_m`.
-      metadata: what JSON takes, and numpy and JAX numbers as numbers.
-
-    Raises:
-      TypeError: an array of objects, which only pickle could write.
-    """
-    numbers = {name: np.asarray(array) for name, array in arrays.items()}
-    for name, array in numbers.items():
-        if array.dtype.hasobject or name == METADATA:
-            raise TypeError(f"{name}: an array of objects, or the name of the metadata")
-    text = json.dumps(plain(metadata))
-    with replacing(path) as scratch:
-        kept: dict[str, Any] = {**numbers, METADATA: np.asarray(text)}
-        np.savez(scratch, **kept)
-
-
-def read_npz(path: Path) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """The arrays and the metadata that `write_npz` wrote.
-
-    Raises:
-      InputError: there is no such file, or it is another kind of file, or damaged.
-    """
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
-        return arrays, json.loads(arrays.pop(METADATA).item())
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
-    except (ValueError, KeyError, TypeError, AttributeError, EOFError, zipfile.BadZipFile):
-        raise InputError(
-            f"{path}: is not a file that mrjax wrote, or damaged; give another"
-        ) from None
-
-
 class _Lines(list):
     """A list that csv can write to."""
 
@@ -168,6 +137,15 @@ def markdown_table(header: list[str], rows: Iterable[Iterable[Any]]) -> str:
     lines = [header, ["---"] * len(header), *rows]
     cells = ([str(cell).replace("|", "\\|") for cell in line] for line in lines)
     return "".join(f"| {' | '.join(line)} |\n" for line in cells)
+
+
+def _flush(path: Path) -> None:
+    """Has what was written to a file, or the names in a folder, on the disk itself."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
 
 
 def _umask() -> int:

@@ -31,9 +31,8 @@ def kept(folder: Path, resume: bool, quiet: bool, **work: Any) -> Iterator[Path]
       KeyboardInterrupt: likewise, with how to go on.
     """
     path = folder / FOLDER
-    if not checkpoint.holds_anything(path):
-        checkpoint.remove(path)
-    elif not resume:
+    checkpoint.refuse_foreign(path)
+    if not resume and checkpoint.holds_anything(path):
         raise InputError(
             f"{path}: keeps an unfinished run; go on with --resume, or take it away, or give "
             "another --out, to begin anew"

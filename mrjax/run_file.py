@@ -1,12 +1,15 @@
 """A run on disk: arrays in SI whose names tell their units, and what made them; no pickle."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
+from pydantic import PositiveFloat, PositiveInt
 
-from mrjax import files, state_file
+from mrjax import npz, state_file
 from mrjax.box import Box
 from mrjax.errors import InputError
 from mrjax.run import Run
@@ -27,6 +30,43 @@ OF_EACH = {"position_m": "position", "velocity_m_per_s": "velocity", "spin_rad_p
 """Fields of `Trajectory`, and of `State`, where it is the last."""
 
 
+class Metadata(npz.Metadata):
+    """What a file says of its run."""
+
+    box_size_m: tuple[PositiveFloat, PositiveFloat, PositiveFloat]
+    box_periodic: tuple[bool, bool, bool]
+    time_step_s: PositiveFloat
+    steps: PositiveInt
+    contact_diameter_m: PositiveFloat | None
+    made_by: dict[str, Any]
+
+
+SIDE = npz.SIDE_BY_SIDE
+SMALLEST = float(np.finfo(np.float32).smallest_subnormal)
+ALONG = npz.Numbers((SIDE, "F"))
+ONE = npz.Numbers((SIDE,), least=0.0)
+MOVED = npz.Numbers((SIDE, "F", "N", 3), optional=True)
+ARRAYS = {
+    "times_s": replace(ALONG, least=0.0),
+    "heights_m": npz.Numbers((SIDE, "F", "N")),
+    "radius_m": npz.Numbers((SIDE, "N"), least=SMALLEST),
+    "mean_velocity_m_per_s": ALONG,
+    "mean_speed_m_per_s": replace(ALONG, least=0.0),
+    "deepest_overlap_radii": ONE,
+    "deepest_overlap_coatings": ONE,
+    "fault": npz.Numbers((SIDE,), "int", least=0, most=0),
+    "position_m": replace(MOVED, needs="velocity_m_per_s"),
+    "velocity_m_per_s": replace(MOVED, needs="spin_rad_per_s"),
+    "spin_rad_per_s": replace(MOVED, needs="position_m"),
+    **{
+        f"last_{name}" if name in OF_EACH else name: replace(one, shape=(SIDE, *one.shape))
+        for name, one in state_file.ARRAYS.items()
+    },
+}
+"""Of runs of N particles at F times."""
+SCHEMA = npz.Schema("a file of a run", Metadata, ARRAYS, least={"S": 0, "F": 2})
+
+
 def save_run(path: str | Path, run: Run, made_by: Mapping[str, Any]) -> None:
     """Writes a run, or several side by side, as an `.npz` file, which is replaced at once.
 
@@ -39,16 +79,14 @@ def save_run(path: str | Path, run: Run, made_by: Mapping[str, Any]) -> None:
       InputError: another ending.
       SimulationError: the run is not to be trusted.
     """
-    path = Path(path)
-    if path.suffix != ".npz":
-        raise InputError(f"{path}: give a name that ends in .npz")
+    path = npz.named(path)
     run.check()
     arrays = {name: getattr(run, field) for name, field in OF_RUN.items()}
     for name, array in state_file.arrays(run.state).items():
         arrays[f"last_{name}" if name in OF_EACH else name] = array
     if run.trajectory is not None:
         arrays |= {name: getattr(run.trajectory, field) for name, field in OF_EACH.items()}
-    files.write_npz(
+    npz.write(
         path,
         arrays,
         {
@@ -62,33 +100,34 @@ def save_run(path: str | Path, run: Run, made_by: Mapping[str, Any]) -> None:
     )
 
 
-def load_run(path: str | Path) -> tuple[Run, dict[str, Any]]:
+def load_run(path: str | Path, *, max_bytes: int = npz.MAX_BYTES) -> tuple[Run, dict[str, Any]]:
     """The run that `mrjax simulate` or `save_run` wrote, to the last bit, and what made it.
 
-    In single precision where JAX is set to that.
+    In single precision where JAX is set to that. Names, shapes and kinds of numbers are checked
+    before anything is unpacked, and all numbers are finite.
 
     Args:
       path: of the `.npz` file.
+      max_bytes: of its arrays, unpacked.
 
     Raises:
-      InputError: no such file, or not of a run.
+      InputError: no such file, or not of a run, or damaged, or larger.
     """
-    arrays, told = files.read_npz(Path(path))
+    arrays, told = npz.read(Path(path), SCHEMA, max_bytes)
+    if (np.diff(arrays["times_s"]) < 0.0).any():
+        raise InputError(f"{path}: its times go back; give {SCHEMA.what}")
     found = {name: jnp.asarray(array) for name, array in arrays.items()}
     of_last = {
         name.removeprefix("last_"): array for name, array in arrays.items() if name not in OF_EACH
     }
     moved = None
-    try:
-        if "position_m" in found:
-            moved = Trajectory(**{field: found[name] for name, field in OF_EACH.items()})
-        return Run(
-            **{field: found[name] for name, field in OF_RUN.items()},
-            state=state_file.of_arrays(of_last, told["contact_diameter_m"]),
-            box=Box(tuple(told["box_size_m"]), tuple(told["box_periodic"])),
-            time_step=told["time_step_s"],
-            steps=told["steps"],
-            trajectory=moved,
-        ), told["made_by"]
-    except KeyError as error:
-        raise InputError(f"{path}: has no {error}, so it is not of a run; give another") from None
+    if "position_m" in found:
+        moved = Trajectory(**{field: found[name] for name, field in OF_EACH.items()})
+    return Run(
+        **{field: found[name] for name, field in OF_RUN.items()},
+        state=state_file.of_arrays(of_last, told.contact_diameter_m),
+        box=Box(told.box_size_m, told.box_periodic),
+        time_step=told.time_step_s,
+        steps=told.steps,
+        trajectory=moved,
+    ), told.made_by

@@ -11,6 +11,7 @@ from jax import Array
 from jax.typing import DTypeLike
 
 from mrjax import observe, processes
+from mrjax.checkpoint import refuse_foreign
 from mrjax.disperse import disperse
 from mrjax.errors import InputError
 from mrjax.overlap import OVERLAP
@@ -72,6 +73,7 @@ def sedimentation(
       InputError: an argument that cannot be used, or a checkpoint of other runs.
       SimulationError: a bed that does not come to rest, or a run not to be trusted.
     """
+    refuse_foreign(checkpoint)
     seeds = (seeds,) if isinstance(seeds, int) else tuple(seeds)
     if not seeds:
         raise InputError("seeds is empty: give at least one")

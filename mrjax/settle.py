@@ -16,7 +16,7 @@ from tqdm import tqdm
 
 from mrjax import checks, expected, history, particle, processes, state_file
 from mrjax.box import Box
-from mrjax.checkpoint import Checkpoint
+from mrjax.checkpoint import Checkpoint, refuse_foreign
 from mrjax.concrete import known
 from mrjax.errors import InputError, SimulationError
 from mrjax.hindrance import Hindrance
@@ -83,6 +83,7 @@ def settle(
       SimulationError: the bed did not come to rest, or the run is not to be trusted; the error
         carries the last good state.
     """
+    refuse_foreign(checkpoint)
     rest = checks.positive(rest, "rest", "the falling speed")
     each = [states] if isinstance(states, State) else list(states)
     if not each or len({state.particles for state in each}) > 1:
@@ -184,7 +185,7 @@ def _until_rest(
 ) -> Run | None:
     """Part after part until the particles rest; None where that takes a shorter step."""
     rest, falling = speeds
-    kept = None if checkpoint is None else Kept(checkpoint, f"{called}-start-{place}")
+    kept = None if checkpoint is None else Kept(checkpoint.sequence(f"{called}-start-{place}"))
     following = stages(state, parameters, hindrance, box, setup, kept)
     parts, fastest = [], 0.0
     with _bar(progress, place) as bar:

@@ -19,7 +19,7 @@ from jax import Array
 
 from mrjax import history, state_file
 from mrjax.box import Box
-from mrjax.checkpoint import Checkpoint
+from mrjax.checkpoint import Checkpoint, Sequence, refuse_foreign
 from mrjax.failure import failure
 from mrjax.hindrance import Hindrance
 from mrjax.parameters import Parameters
@@ -70,6 +70,7 @@ def follow(
       InputError: an argument that cannot be used, or a checkpoint of another run.
       SimulationError: the run is not to be trusted.
     """
+    refuse_foreign(checkpoint)
     whole = prepared(
         state,
         parameters,
@@ -95,7 +96,7 @@ def follow(
             state=state_file.arrays(state),
             setup=whole,
         )
-        kept = Kept(work, "part")
+        kept = Kept(work.sequence("part"))
     setup, count, each = _divided(whole, state.particles)
     following = stages(state, parameters, hindrance, box, setup, kept)
     run = joined([next(following) for _ in range(count)], setup)
@@ -125,26 +126,17 @@ def _divided(setup: Setup, particles: int) -> tuple[Setup, int, int]:
 class Kept:
     """The parts of one run on disk: what each recorded, and the state after the last."""
 
-    checkpoint: Checkpoint
-    name: str
+    sequence: Sequence
 
     def parts(self, like: State) -> tuple[list[dict[str, np.ndarray]], State]:
         """What was recorded so far, and the state from which to go on: this one, if nothing was."""
-        if (last := self.checkpoint.kept(f"{self.name}-state")) is None:
-            return [], like
-        arrays, metadata = last
-        recorded = (self.checkpoint.kept(self._file(n)) for n in range(metadata["parts"]))
-        so_far = [part[0] for part in recorded if part is not None]
-        return so_far, state_file.of_arrays(arrays, like.contact_diameter)
+        recorded, last = self.sequence.resumed()
+        after = like if last is None else state_file.of_arrays(last, like.contact_diameter)
+        return recorded, after
 
-    def keep(self, number: int, part: Run, state: State) -> None:
+    def keep(self, part: Run, state: State) -> None:
         """Adds a part, and the state from which to go on."""
-        self.checkpoint.keep(self._file(number), _recorded(part))
-        # Last: it says which parts count.
-        self.checkpoint.keep(f"{self.name}-state", state_file.arrays(state), {"parts": number + 1})
-
-    def _file(self, number: int) -> str:
-        return f"{self.name}-{number:05d}"
+        self.sequence.append(_recorded(part), state_file.arrays(state))
 
 
 def stages(
@@ -173,7 +165,7 @@ def stages(
             part = _part(now, parameters, hindrance, box, setup)
             after = now if part.fault else part.state
             if kept is not None:
-                kept.keep(number, part, after)
+                kept.keep(part, after)
         if part.fault:
             mended = setup.mended(part)
             if mended is None:

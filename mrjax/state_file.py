@@ -2,47 +2,77 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Literal
 
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from pydantic import FiniteFloat, PositiveFloat
 
-from mrjax import files
+from mrjax import npz
 from mrjax.errors import InputError
-from mrjax.history import Contacts
+from mrjax.history import WALLS, Contacts
 from mrjax.state import State
 
-KIND = "mrjax state"
+
+class Metadata(npz.Metadata):
+    """What a file says of its state."""
+
+    kind: Literal["mrjax state"] = "mrjax state"
+    time_s: FiniteFloat
+    contact_diameter_m: PositiveFloat | None
+
+
+VECTORS = npz.Numbers(("N", 3))
+MEMORY = npz.Numbers(("N", "S", 3), optional=True, needs="contact_partner")
+ARRAYS = {
+    "position_m": VECTORS,
+    "velocity_m_per_s": VECTORS,
+    "spin_rad_per_s": VECTORS,
+    "material": npz.Numbers(("N",), "int", least=0, optional=True),
+    "contact_partner": npz.Numbers(("N", "S"), "int", least=min(WALLS), below="N", optional=True),
+    "contact_sliding_m": MEMORY,
+    "contact_rolling_rad": MEMORY,
+}
+"""Of a state of N particles with room for S contacts each."""
+SCHEMA = npz.Schema("a file that save_state wrote", Metadata, ARRAYS, least={"S": 0})
 
 
 def save_state(path: str | Path, state: State, time: float = 0.0) -> None:
     """Writes a state with all digits, for `load_state`.
 
     Args:
-      path: of the file, which ends in `.npz`.
-      state: concrete.
+      path: of the file, which ends in `.npz`; replaced at once.
+      state: concrete, of one run.
       time: of the state, s.
-    """
-    diameter = state.contact_diameter
-    metadata = {"kind": KIND, "time_s": time, "contact_diameter_m": diameter}
-    files.write_npz(Path(path), arrays(state), metadata)
-
-
-def load_state(path: str | Path) -> State:
-    """A state that `save_state` wrote, in the dtype in which it was written.
-
-    Double precision needs `jax.config.update("jax_enable_x64", True)` here, too.
 
     Raises:
-      InputError: no such file, or a file of something else.
+      InputError: another ending, or a state of several runs.
     """
-    stored, metadata = files.read_npz(Path(path))
-    try:
-        if metadata["kind"] != KIND:
-            raise KeyError
-        return of_arrays(stored, metadata["contact_diameter_m"])
-    except KeyError:
-        raise InputError(f"{path}: holds no state; give a file that save_state wrote") from None
+    path = npz.named(path)
+    if state.position.ndim != 2:
+        raise InputError(
+            "these are states of several runs: give one, jax.tree.map(lambda leaf: leaf[0], state)"
+        )
+    told = Metadata(time_s=float(time), contact_diameter_m=state.contact_diameter)
+    npz.write(path, arrays(state), told.model_dump())
+
+
+def load_state(path: str | Path, *, max_bytes: int = npz.MAX_BYTES) -> State:
+    """A state that `save_state` wrote, in the dtype in which it was written.
+
+    Double precision needs `jax.config.update("jax_enable_x64", True)` here, too. Names, shapes and
+    kinds of numbers are checked before anything is unpacked, and all numbers are finite.
+
+    Args:
+      path: of the `.npz` file.
+      max_bytes: of its arrays, unpacked.
+
+    Raises:
+      InputError: no such file, one of something else, a damaged one, or a larger one.
+    """
+    stored, told = npz.read(Path(path), SCHEMA, max_bytes)
+    return of_arrays(stored, told.contact_diameter_m)
 
 
 def arrays(state: State) -> dict[str, np.ndarray]:

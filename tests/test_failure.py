@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import mrjax
-from mrjax import files, history, resume, stages
+from mrjax import history, npz, resume, stages
 
 ROOM = mrjax.Box((1e-2, 1e-2, 1e-2))
 RADIUS = 5e-4
@@ -158,6 +158,6 @@ def test_a_state_comes_back_to_the_last_bit(tmp_path, case2):
         for left, right in zip(jax.tree.leaves(again), jax.tree.leaves(one), strict=True):
             assert left.dtype == right.dtype
             np.testing.assert_array_equal(left, right)
-    files.write_npz(tmp_path / "other.npz", {"x": np.ones(1)}, {})
-    with pytest.raises(mrjax.InputError, match="holds no state; give a file that save_state"):
+    npz.write(tmp_path / "other.npz", {"x": np.ones(1)}, {})
+    with pytest.raises(mrjax.InputError, match="give a file that save_state wrote"):
         mrjax.load_state(tmp_path / "other.npz")

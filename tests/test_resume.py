@@ -25,7 +25,7 @@ from test_settle import WALLED, dispersed, soft
 import mrjax
 from calibrate import posterior, profile
 from calibrate.fit import LogNormal, fit
-from mrjax import checkpoint, files, resume, schedule, stages
+from mrjax import checkpoint, npz, resume, schedule, stages
 from mrjax.checkpoint import Checkpoint
 
 EXPERIMENT = """
@@ -67,7 +67,7 @@ def stopping(number: int) -> Iterator[None]:
 
     Its other threads die with it: they write nothing more, and have ended when this returns.
     """
-    write, numbers = files.write_npz, itertools.count(1)
+    write, numbers = npz.write, itertools.count(1)
     before = set(threading.enumerate())
 
     def counted(*arguments):
@@ -78,7 +78,7 @@ def stopping(number: int) -> Iterator[None]:
             raise Stopped
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(files, "write_npz", counted)
+        patch.setattr(npz, "write", counted)
         try:
             yield
         finally:
@@ -146,7 +146,7 @@ def test_a_part_repeated_with_more_room_is_so_again(small, tmp_path):
             with pytest.raises(Stopped), stopping(number):
                 settled(checkpoint=tmp_path / str(number))
             alike(settled(checkpoint=tmp_path / str(number)), whole)
-    faults = [int(files.read_npz(path)[0]["fault"]) for path in parts(tmp_path / "16")]
+    faults = [int(npz.read(path, checkpoint.PIECE)[0]["fault"]) for path in parts(tmp_path / "16")]
     assert set(faults) == {0, int(mrjax.Fault.PAIRS_DROPPED)}
 
 
@@ -223,15 +223,16 @@ def test_a_checkpoint_of_other_work_is_refused(small, tmp_path):
     with pytest.raises(mrjax.InputError, match=r"states\.0\.position_m = array"):
         settled(states=states[::-1])
     for name in ("version of jaxlib", "version of mrjax", "machine"):
-        of = tmp_path / "kept" / checkpoint.OF
-        told = json.loads(of.read_text())
-        of.write_text(json.dumps(told | {name: "another"}))
-        with pytest.raises(mrjax.InputError, match=f"with {name} = another where it is"):
+        with (
+            pytest.MonkeyPatch.context() as patch,
+            pytest.raises(mrjax.InputError, match=f"with {name} = .* where it is another here"),
+        ):
+            told = checkpoint._environment() | {name: "another"}
+            patch.setattr(checkpoint, "_environment", lambda told=told: told)
             settled()
-        of.write_text(json.dumps(told))
-    path = next((tmp_path / "kept").glob("*-state.npz"))
+    path = next((tmp_path / "kept").glob("*-00000.*.npz"))
     os.truncate(path, 100)
-    with pytest.raises(mrjax.InputError, match="damaged"):
+    with pytest.raises(mrjax.InputError, match=r"damaged .*; put it back, or take .* away"):
         settled()
 
 
@@ -264,7 +265,7 @@ def test_what_a_command_keeps(tmp_path, capsys):
         work(seed=1)
     with pytest.raises(mrjax.InputError, match="with seed = 1 where it is 2 here"):
         work(go_on=True, seed=2)
-    assert (path / "rest" / "part.npz").exists() and capsys.readouterr().err == ""
+    assert list((path / "rest").glob("part.*.npz")) and capsys.readouterr().err == ""
     work(go_on=True, seed=1)
     assert "Going on with what" in capsys.readouterr().err
     assert not any(tmp_path.iterdir())

@@ -174,6 +174,6 @@ def test_what_is_no_trajectory_is_refused(run, tmp_path):
         viewers.write_vtk(tmp_path / "a", run)
     with pytest.raises(InputError, match="a: cannot be made"):
         viewers.write_vtk(tmp_path / "a.pvd", run)
-    mrjax.files.write_npz(tmp_path / "other.npz", {"a": np.zeros(3)}, {})
-    with pytest.raises(InputError, match=r"other\.npz: has no 'times_s', so it is not of a run"):
+    mrjax.npz.write(tmp_path / "other.npz", {"a": np.zeros(3)}, {})
+    with pytest.raises(InputError, match=r"other\.npz: is not a file that .* give a file of a run"):
         mrjax.load_run(tmp_path / "other.npz")
