@@ -9,6 +9,7 @@ from .disperse import disperse as disperse
 from .ensemble import ensemble as ensemble
 from .errors import InputError as InputError
 from .errors import SimulationError as SimulationError
+from .errors import SystemRefusal as SystemRefusal
 from .history import Contacts as Contacts
 from .loads import Touching as Touching
 from .loads import contact_forces as contact_forces

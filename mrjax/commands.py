@@ -9,22 +9,25 @@ import os
 import re
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 from click.shell_completion import CompletionItem
 
+from mrjax import refusals, streams
 from mrjax.errors import InputError, SimulationError, shown
 from mrjax.text import in_message, in_terminal
 
 if TYPE_CHECKING:
     from mrjax.recipe import Recipe
 
-UNTRUSTED, WRONG_INPUT, INTERRUPTED = 1, 2, 130
+UNTRUSTED, WRONG_INPUT, REFUSED, INTERRUPTED = 1, 2, 3, 130
 """Exit statuses beside 0."""
 EXIT_STATUS = (
-    "Exit status: 0 done, 1 a result that is not to be trusted, 2 wrong input, 130 interrupted."
+    "Exit status: 0 done, 1 a result that is not to be trusted, 2 wrong input, 3 refused by the "
+    "operating system (go on with --resume), 130 interrupted."
 )
 """The last lines of every help."""
 
@@ -126,7 +129,8 @@ def write_new(texts: dict[Path, str]) -> None:
     """Writes files for a user to change.
 
     Raises:
-      InputError: one of them is there already, or cannot be written.
+      InputError: one of them is there already.
+      SystemRefusal: one cannot be written.
     """
     from mrjax import files
 
@@ -136,12 +140,7 @@ def write_new(texts: dict[Path, str]) -> None:
         if os.path.lexists(path):
             raise InputError(f"{path}: is there already; give another name")
     for path, text in texts.items():
-        try:
-            files.write_text(path, text)
-        except OSError as error:
-            raise InputError(
-                f"{path}: cannot be written ({error.strerror}); give another name"
-            ) from None
+        files.write_text(path, text)
 
 
 def sheet_names(package: str) -> Callable[..., list[CompletionItem]]:
@@ -189,20 +188,44 @@ def made_by(sheet: "Recipe", seed: int, dtype: str) -> dict[str, Any]:
 
 
 def run(command: click.Command, name: str) -> None:
-    """Runs a command and exits: 0 done, 1 not to be trusted, 2 wrong input, 130 interrupted."""
-    try:
-        sys.exit(command.main(prog_name=name, standalone_mode=False))
-    except (InputError, SimulationError, click.ClickException) as error:
-        text = error.format_message() if isinstance(error, click.ClickException) else str(error)
-        status = UNTRUSTED if isinstance(error, SimulationError) else WRONG_INPUT
-    except (KeyboardInterrupt, click.Abort) as stop:
-        # What click makes an Abort of says, where it was kept, how to go on.
-        advice = "".join(f"; {text}" for text in getattr(stop.__cause__, "args", ()))
-        click.echo(err=True)
-        echo(f"{name}: interrupted; no results were written{advice}", err=True)
-        sys.stdout.flush()
-        sys.stderr.flush()
-        # After an interrupted compilation jaxlib 0.10.1 crashes while the interpreter shuts down.
-        os._exit(INTERRUPTED)
-    echo(f"{name}: {in_message(text)}", err=True)
+    """Runs a command and exits, with one line for every failure; the statuses: `EXIT_STATUS`."""
+    streams.guard()
+    status, text = _outcome(command, name)
+    if text:
+        echo(f"{name}: {in_message(text)}", err=True)
+    if status == 0 and streams.lost_messages():
+        status = REFUSED
     sys.exit(status)
+
+
+def _outcome(command: click.Command, name: str) -> tuple[int, str]:
+    """Exit status of a command that has run, and what there is to say of it."""
+    try:
+        status = command.main(prog_name=name, standalone_mode=False)
+        sys.stdout.flush()
+        return status or 0, ""
+    except click.ClickException as error:
+        return WRONG_INPUT, error.format_message()
+    except InputError as error:
+        return WRONG_INPUT, str(error)
+    except SimulationError as error:
+        return UNTRUSTED, str(error)
+    except (KeyboardInterrupt, click.Abort) as stop:
+        _interrupted(name, stop)
+    except Exception as error:
+        line = refusals.in_one_line(error)
+        if line is None:
+            raise
+        return REFUSED, line
+
+
+def _interrupted(name: str, stop: BaseException) -> NoReturn:
+    # What click makes an Abort of says, where it was kept, how to go on.
+    advice = "".join(f"; {text}" for text in getattr(stop.__cause__, "args", ()))
+    click.echo(err=True)
+    echo(f"{name}: interrupted; no results were written{advice}", err=True)
+    with suppress(OSError):
+        sys.stdout.flush()
+    sys.stderr.flush()
+    # After an interrupted compilation jaxlib 0.10.1 crashes while the interpreter shuts down.
+    os._exit(INTERRUPTED)

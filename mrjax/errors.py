@@ -1,4 +1,4 @@
-"""The two ways mrjax says no: the input is wrong, or the result cannot be trusted."""
+"""The three ways mrjax says no: wrong input, a result not to be trusted, the system refuses."""
 
 from typing import TYPE_CHECKING
 
@@ -33,6 +33,14 @@ class SimulationError(RuntimeError):
 
     def __init__(self, message: object = "") -> None:
         super().__init__(text.in_message(str(message)))
+
+
+class SystemRefusal(OSError):  # noqa: N818 - says who refuses, as no "Error" would
+    """The operating system refuses a file, a stream or memory; the message has name and remedy.
+
+    What the system raised is the cause (`__cause__`), with its `errno`. What was computed and kept
+    (`checkpoint`) stays.
+    """
 
 
 def shown(value: object) -> str:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mrjax.errors import InputError
+from mrjax.refusals import refusal, writing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -29,16 +29,14 @@ def result_folder(path: Path) -> Path:
     """The folder for results, made if need be and tried, so that no work is lost at its end.
 
     Raises:
-      InputError: it cannot be made or written to.
+      SystemRefusal: it cannot be made or written to.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=path):
             pass
     except OSError as error:
-        raise InputError(
-            f"--out {path}: cannot be written to ({error.strerror}); give another folder"
-        ) from None
+        raise refusal(f"--out {path}", error, "cannot be written to") from error
     return path
 
 
@@ -48,18 +46,23 @@ def replacing(path: Path) -> Iterator[Path]:
 
     A reader sees the old file or the new, never half of it, even after the power failed; what fails
     leaves the old one. The name is one that nobody can foresee, and was not there before.
+
+    Raises:
+      SystemRefusal: it cannot be written, whatever the system raised inside.
     """
-    # Libraries choose a format by the ending.
-    handle, name = tempfile.mkstemp(f".partial{path.suffix[:16]}", SCRATCH, path.parent)
-    os.close(handle)
-    scratch = Path(name)
-    try:
-        yield scratch
-        os.chmod(scratch, 0o666 & ~_umask())
-        _flush(scratch)
-        os.replace(scratch, path)
-    finally:
-        scratch.unlink(missing_ok=True)
+    with writing(path):
+        # Libraries choose a format by the ending.
+        handle, name = tempfile.mkstemp(f".partial{path.suffix[:16]}", SCRATCH, path.parent)
+        os.close(handle)
+        scratch = Path(name)
+        try:
+            yield scratch
+            os.chmod(scratch, 0o666 & ~_umask())
+            _flush(scratch)
+            os.replace(scratch, path)
+        finally:
+            with suppress(OSError):
+                scratch.unlink(missing_ok=True)
     with suppress(OSError):  # some file systems cannot
         _flush(path.parent)
 

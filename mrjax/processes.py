@@ -11,7 +11,7 @@ import jax
 import numpy as np
 from jax.experimental import multihost_utils
 
-from mrjax.errors import InputError, SimulationError
+from mrjax.errors import InputError, SimulationError, SystemRefusal
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -80,14 +80,14 @@ def divided(work: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[
       items: all of them.
 
     Raises:
-      InputError, SimulationError: as raised by the work of any process.
+      InputError, SimulationError, SystemRefusal: as raised by the work of any process.
     """
     count = jax.process_count()
     if count == 1:
         return work(items)
     try:
         done: list[R] | Exception = work(items[jax.process_index() :: count])
-    except (InputError, SimulationError) as error:  # the others must not wait for it
+    except (InputError, SimulationError, SystemRefusal) as error:  # the others must not wait
         done = error
     shares = _of_all(done)
     for share in shares:

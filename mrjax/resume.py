@@ -5,9 +5,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from mrjax import checkpoint, commands, state_file
+from mrjax import checkpoint, commands, refusals, state_file
 from mrjax.checkpoint import Checkpoint
-from mrjax.errors import InputError, SimulationError
+from mrjax.errors import InputError, SimulationError, SystemRefusal
 
 FOLDER = "checkpoint"
 LAST_GOOD = "last_good_state.npz"
@@ -28,6 +28,7 @@ def kept(folder: Path, resume: bool, quiet: bool, **work: Any) -> Iterator[Path]
     Raises:
       InputError: it keeps an unfinished run and `resume` was not given, or other work.
       SimulationError: what was raised inside, with the name of the file of the last good state.
+      SystemRefusal: the system refused something inside; what is kept stays, and it says so.
       KeyboardInterrupt: likewise, with how to go on.
     """
     path = folder / FOLDER
@@ -51,6 +52,11 @@ def kept(folder: Path, resume: bool, quiet: bool, **work: Any) -> Iterator[Path]
         raise SimulationError(
             f"{error}; the last good state, of {error.time:.6g} s, is in {folder / LAST_GOOD}"
         ) from None
+    except OSError as error:
+        line = refusals.in_one_line(error)
+        if checkpoint.holds_anything(path):
+            line = f"{line}; then go on with --resume"
+        raise SystemRefusal(line) from error
     except KeyboardInterrupt:
         if checkpoint.holds_anything(path):
             raise KeyboardInterrupt("go on with --resume") from None

@@ -13,7 +13,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from jax.typing import ArrayLike
 
-from mrjax import files
+from mrjax import files, refusals
 from mrjax.errors import InputError
 from mrjax.run import Run
 
@@ -81,7 +81,8 @@ def write_vtk(path: str | Path, run: Run) -> None:
       run: one that recorded its trajectory.
 
     Raises:
-      InputError: a run without a trajectory, another ending, or a folder that cannot be made.
+      InputError: a run without a trajectory, or another ending.
+      SystemRefusal: a file or the folder cannot be written.
       SimulationError: the run is not to be trusted.
     """
     from pyevtk.hl import pointsToVTK
@@ -100,15 +101,11 @@ def write_vtk(path: str | Path, run: Run) -> None:
     if path.suffix != ".pvd":
         raise InputError(f"{path}: give a name that ends in .pvd")
     frames = path.with_suffix("")
-    try:
+    with refusals.writing(frames):
         frames.mkdir(exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            f"{frames}: cannot be made ({error.strerror}); give another name"
-        ) from None
-    path.unlink(missing_ok=True)  # what it lists is about to change
-    for old in frames.glob(f"{'[0-9]' * 6}.vtu"):
-        old.unlink()
+        path.unlink(missing_ok=True)  # what it lists is about to change
+        for old in frames.glob(f"{'[0-9]' * 6}.vtu"):
+            old.unlink()
     lines = []
     for number, time in enumerate(np.asarray(run.times, float)):
         moving = {

@@ -202,7 +202,7 @@ def test_a_fault_of_one_process_is_told_by_all(tmp_path):
     command = ["-m", "mrjax", "simulate", "case2", "--out", "file", "--distributed"]
     ended = together(*([*command, f"{where},{number}"] for number in (0, 1)), folder=tmp_path)
     for status, _, err in ended:
-        assert status == 2 and "--out file: cannot be written to" in err
+        assert status == 3 and "--out file: cannot be written to" in err
 
 
 @pytest.mark.parametrize("number", [0, 1])

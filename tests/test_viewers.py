@@ -13,7 +13,7 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 
 import mrjax
-from mrjax import InputError, SimulationError, viewers
+from mrjax import InputError, SimulationError, SystemRefusal, viewers
 
 BOX = mrjax.Box((1e-5, 2e-5, 3e-5), (True, False, False))
 RADIUS = np.array([1e-6, 2e-6, 1.5e-6])
@@ -172,7 +172,7 @@ def test_what_is_no_trajectory_is_refused(run, tmp_path):
         mrjax.save_run(tmp_path / "run", run, {})
     with pytest.raises(InputError, match=r"a: give a name that ends in \.pvd"):
         viewers.write_vtk(tmp_path / "a", run)
-    with pytest.raises(InputError, match="a: cannot be made"):
+    with pytest.raises(SystemRefusal, match="a: cannot be written"):
         viewers.write_vtk(tmp_path / "a.pvd", run)
     mrjax.npz.write(tmp_path / "other.npz", {"a": np.zeros(3)}, {})
     with pytest.raises(InputError, match=r"other\.npz: is not a file that .* give a file of a run"):
