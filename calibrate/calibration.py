@@ -72,6 +72,7 @@ def calibrated(
             problem.residuals,
             problem.near,
             priors=problem.priors,
+            bounds=problem.bounds,
             starts=starts,
             seed=seed,
             robust=robust,

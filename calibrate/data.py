@@ -1,15 +1,15 @@
 """Measurements with their uncertainty, the recipe each belongs to, and what is to be fitted."""
 
 from collections import Counter, OrderedDict
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Literal, NamedTuple, Self
 
 from jax.typing import ArrayLike
 from pydantic import Field, field_validator, model_validator
 
-from calibrate import curve
+from calibrate import curve, sense
 from calibrate.curve import CurveSheet
 from calibrate.fitted import Fitted, ParameterSheet, fitted
 from calibrate.suspension import BED, CLOSURE, Suspension, refuse_unknown, suspension
@@ -187,13 +187,16 @@ class Experiment:
     """What is fitted, in the order of the values of a fit."""
     held: tuple[tuple[str, str, float], ...] = ()
     """Sample, name and value of what the experiment holds at another value than the recipe."""
+    warnings: tuple[str, ...] = ()
+    """What is odd about the readings, and may be right all the same."""
 
     @classmethod
     def load(cls, source: str | Path) -> "Experiment":
         """A bundled experiment by name (`fang2005`) or a TOML file by path.
 
         Raises:
-          InputError: the file, a value in it, a recipe or a curve it names cannot be used.
+          InputError: the file, a value in it, a recipe or a curve it names cannot be used, or
+            readings that cannot be true of their tube.
 
         Example:
           >>> experiment = calibrate.Experiment.load("fang2005")
@@ -203,13 +206,15 @@ class Experiment:
         table, path = sheets.read(source, "calibrate.experiments", "experiment")
         sheet = sheets.validated(ExperimentSheet, table, str(source))
         samples = tuple(_sample(sample, path.parent, str(source)) for sample in sheet.sample)
+        _refuse_a_file_twice(sheet, path.parent, str(source))
+        warnings = tuple(_odd_readings(sheet, samples, str(source)))
         names = [sample.name for sample in samples]
         given = Counter(parameter.name for parameter in sheet.parameter)
         for parameter in sheet.parameter:
             for sample in samples:
                 if sample.name in (parameter.samples or names):
                     _refuse(parameter.name, sample, sheet, str(source))
-        return cls(
+        found = cls(
             sheet.name,
             samples,
             tuple(
@@ -225,6 +230,7 @@ class Experiment:
                 for name in parameter.samples or names
             ),
         )
+        return replace(found, warnings=(*warnings, *sense.oddities(found)))
 
     @property
     def start(self) -> OrderedDict[str, float]:
@@ -268,6 +274,34 @@ def _refuse(name: str, sample: Sample, sheet: ExperimentSheet, source: str) -> N
         raise InputError(
             f"{at}: has bed_fraction = {sample.bed_fraction!r} of its own; take one of them away"
         )
+
+
+def _refuse_a_file_twice(sheet: ExperimentSheet, folder: Path, source: str) -> None:
+    """Passes where each sample has readings of its own: those that count twice seem better."""
+    of: dict[Path, str] = {}
+    for sample in sheet.sample:
+        if sample.curve is None:
+            continue
+        path = (folder / sample.curve.file).resolve()
+        if path in of:
+            raise InputError(
+                f"{source}: sample {sample.name!r}: curve.file = {sample.curve.file!r} is that of "
+                f"sample {of[path]!r}, too, and its readings would count twice; give each its own"
+            )
+        of[path] = sample.name
+
+
+def _odd_readings(
+    sheet: ExperimentSheet, samples: tuple["Sample", ...], source: str
+) -> Iterator[str]:
+    """What is odd about the curve of each sample."""
+    for one, sample in zip(sheet.sample, samples, strict=True):
+        if one.curve is not None:
+            try:
+                said = sense.refuse_senseless(sample, one.curve.time_unit)
+            except InputError as error:
+                raise InputError(f"{source}: sample {sample.name!r}: {error}") from None
+            yield from (f"sample {sample.name!r}: {odd}" for odd in said)
 
 
 def _sample(sheet: SampleSheet, folder: Path, source: str) -> Sample:

@@ -4,7 +4,8 @@ Knows nothing of the physics: `residuals` maps a pytree of positive numbers to a
 (prediction - measurement) / standard deviation. All work is done in logarithms, where a product of
 factors is a sum and a log-normal prior one more residual. The search finds the valley; error bars
 and the last digits need the Levenberg-Marquardt finish. All but the forward model is arithmetic on
-a few numbers and left to numpy: one compiled program, Jacobian and residuals, serves throughout.
+a few numbers and left to numpy: one compiled program, Jacobian and residuals, serves throughout,
+and between two calls of it Python answers Ctrl-C.
 """
 
 import math
@@ -20,9 +21,13 @@ import numpy as np
 import optax
 from jax import Array
 from jax.typing import ArrayLike
-from scipy.optimize import OptimizeResult, least_squares, minimize
+from scipy.optimize import OptimizeResult, minimize
 from tqdm import tqdm
 
+from calibrate import levenberg
+from calibrate.levenberg import Box, Point
+from calibrate.waiting import Interruptible
+from mrjax import InputError
 from mrjax.checkpoint import Checkpoint, digest, refuse_foreign
 from mrjax.permissive import permissive
 
@@ -45,6 +50,8 @@ AGAIN = 10
 ASIDE = 0.3, 0.1
 """Where slopes are compared; standard errors. Of a smooth model they differ by a third at a third
 of the distance."""
+LONGEST_ERROR = 7.0
+"""Size of a simplex in logarithms, at most."""
 HOPELESS = 1e-6
 """Distance in logarithms to where a prediction was possible at which a start is given up."""
 SPREAD = 0.7
@@ -93,6 +100,8 @@ class Fit:
     """Standard deviations beyond which residuals count linearly; those here are as they count."""
     other_optima: tuple[tuple[float, np.ndarray], ...] = ()
     """Where further starts ended otherwise: half the sum of squares and the values, (P,)."""
+    box: Box = Box(np.array(-np.inf), np.array(np.inf))
+    """Bounds of the logarithms, (P,)."""
 
     @property
     def chi_squared(self) -> float:
@@ -106,6 +115,7 @@ def fit(
     *,
     data: Any = None,
     priors: dict[str, LogNormal] | None = None,
+    bounds: dict[str, tuple[float, float]] | None = None,
     optimizer: optax.GradientTransformation | None = None,
     starts: int = 1,
     seed: int = 0,
@@ -117,6 +127,8 @@ def fit(
 ) -> Fit:
     """Least squares with log-normal priors.
 
+    What neither residuals nor priors tell of stays where it began: every step is the shortest.
+
     Args:
       residuals: from a pytree like `start` to a vector (M,), in standard deviations. Traced by
         `jit` and differentiated forwards.
@@ -124,6 +136,7 @@ def fit(
       data: arrays that `residuals` takes as its second argument; left out, it takes none. Fits to
         other data of the same shapes share their compiled programs.
       priors: by name, where there are any.
+      bounds: least and greatest value by name, where there are any: 0 and infinity are none.
       optimizer: of the search, over the logarithms; left out, `optax.adam(0.3)`.
       starts: searches side by side, the first from `start`, the others drawn about it from the
         priors; the best is kept.
@@ -133,7 +146,7 @@ def fit(
       search_steps: most steps of the search; it ends, or is left out, as soon as Gauss-Newton steps
         are to be trusted.
       finish_steps: most steps of Levenberg-Marquardt.
-      progress: whether to show a bar.
+      progress: whether to show iterations and chi-squared, on standard error.
       checkpoint: folder that keeps what the residuals gave. Called again with it and the same
         arguments, on the same machine, the fit goes on, and ends with the same bits; so do
         profiles of it. It stays until it is removed.
@@ -142,8 +155,9 @@ def fit(
       a Fit; look at `converged` before using it.
 
     Raises:
-      ValueError: a start or prior that is not positive, or a prior for no parameter.
-      InputError: a checkpoint of another fit.
+      InputError: a start, prior or bound that cannot be used, or one for no parameter; two
+        parameters of one name; no residuals, or ones that are no vector of one size; a checkpoint
+        of another fit.
 
     Example:
       >>> at = jnp.array([1.0, 2.0, 4.0])
@@ -158,21 +172,24 @@ def fit(
     names = _names(start)
     leaves, structure = jax.tree.flatten(start)
     values = np.concatenate([np.ravel(leaf).astype(float) for leaf in leaves])
-    _refuse_unusable(names, values, priors or {})
+    _refuse_unusable(names, values, priors or {}, bounds or {})
+    box = _box(names, bounds or {})
     median, precision = _prior_arrays(names, priors or {})
     held = tuple(int(place) for place in np.flatnonzero(precision))
     places = np.array(held, int)
     given = _Given(data, np.log(median[places]), np.sqrt(precision[places]))
     shapes = tuple(np.shape(leaf) for leaf in leaves)
     compiled = _compiled(residuals, structure, shapes, held, robust, data is None)
-    each = _starts(np.log(values), precision, starts, seed)
-    with permissive():
+    each = box.clip(_starts(np.log(values), precision, starts, seed))
+    with permissive(), _bar(progress) as bar:
+        count = _vector(compiled, each[0], given) - len(held)
         asked, keeping = compiled, lambda _, function: function
         if checkpoint is not None:
             work = Checkpoint.of_work(
                 Path(checkpoint),
                 start=dict(zip(names, values, strict=True)),
                 priors=priors,
+                bounds=bounds,
                 starts=starts,
                 seed=seed,
                 robust=robust,
@@ -184,6 +201,7 @@ def fit(
             )
             keeping = partial(_remembered, work)
             asked = _Compiled(
+                compiled.traceable,
                 keeping("residuals", compiled.everything),
                 keeping("jacobian", compiled.linearised),
             )
@@ -192,25 +210,24 @@ def fit(
         if starts > 1:
             many = _of_each(lambda logs: compiled.linearised(logs, given), starts)
             linear = keeping("jacobians", many)
-        search = linear, optimizer, search_steps, progress
-        each, losses, runs = _search(compiled, asked, given, each, *search)
+        asking = _Asking(asked, given, box, bar)
+        each, losses, runs = _search(compiled, asking, each, linear, optimizer, search_steps)
         ends = []
         for logs in each:
-            end, finish_runs = _finish(asked, given, logs, finish_steps)
+            end, finish_runs = _finish(asking, logs, finish_steps)
             runs += finish_runs
             ends.append(end)
         best, *others = sorted(ends, key=lambda end: end.loss)
-        converged = _expects_nothing(best)
+        converged = _expects_nothing(best, box)
         on_a_kink = False
-        if not converged and _finite(best.jacobian, best.value):
-            best, on_a_kink, more_runs = _without_slopes(asked, given, best)
-            converged = on_a_kink or _expects_nothing(best)
+        if not converged and best.finite:
+            best, on_a_kink, more_runs = _without_slopes(asking, best)
+            converged = on_a_kink or _expects_nothing(best, box)
             runs += more_runs
     loss, logs, jacobian, value = best
     with np.errstate(over="ignore"):
         fitted = np.exp(logs)
     converged = converged and bool(np.isfinite(fitted).all())
-    count = value.shape[0] - len(held)
     # Where no prediction depends on anything, the end is no optimum of the data.
     converged = converged and bool(np.any(jacobian[:count] != 0.0))
     return Fit(
@@ -230,9 +247,10 @@ def fit(
             for other in others
             if np.isfinite(other.loss) and other.loss - loss > 0.5  # by chi-squared of one
         ),
-        everything=compiled.everything,
+        everything=compiled.traceable,
         linearised=asked.linearised,
         given=given,
+        box=box,
     )
 
 
@@ -244,9 +262,39 @@ class _Given(NamedTuple):
     weight: np.ndarray  # 1 / log_standard_deviation of the priors, (K,)
 
 
+class _Asking(NamedTuple):
+    """What the stages of a fit have in common."""
+
+    compiled: "_Compiled"
+    given: _Given
+    box: Box
+    bar: tqdm
+
+    def at(self, logs: np.ndarray) -> Point:
+        """Residuals and slopes at logarithms, (P,); one run of the model."""
+        jacobian, value = map(np.asarray, self.compiled.linearised(logs, self.given))
+        return Point(_half_square(value), logs, jacobian, value)
+
+    def tell(self, stage: str, loss: float) -> None:
+        """Shows one more iteration, and how good the best so far is."""
+        self.bar.set_description_str(stage, refresh=False)
+        self.bar.set_postfix_str(f"chi-squared {2.0 * loss:.6g}", refresh=False)
+        self.bar.update()
+
+
+def _bar(progress: bool) -> tqdm:
+    return tqdm(
+        desc="search",
+        disable=not progress,
+        leave=False,
+        bar_format="fit: {desc}, iteration {n}, {elapsed}{postfix}",
+    )
+
+
 class _Compiled(NamedTuple):
     """The programs of a fit: of logarithms, (P,), and what is given."""
 
+    traceable: Callable[[ArrayLike, _Given], Array]  # for programs that have it within
     everything: Callable[[ArrayLike, _Given], Array]  # residuals and priors, (M + K,)
     linearised: Callable[[ArrayLike, _Given], tuple[Array, Array]]  # Jacobian and residuals
 
@@ -267,6 +315,11 @@ def _compiled(
     def everything(logs: Array, given: _Given) -> Array:
         theta = _tree(jnp.exp(logs), structure, shapes)
         found = jnp.atleast_1d(residuals(theta) if without_data else residuals(theta, given.data))
+        if found.ndim != 1 or not found.size:
+            raise InputError(
+                f"residuals: have shape {found.shape}; give a vector of at least one, "
+                "(prediction - measurement) / standard deviation of each measurement"
+            )
         if robust is not None:
             found = pseudo_huber(found, robust)
         return jnp.concatenate([found, given.weight * (logs[places] - given.median)])
@@ -275,7 +328,8 @@ def _compiled(
         value = everything(logs, given)
         return value, value
 
-    return _Compiled(everything, jax.jit(jax.jacfwd(with_value, has_aux=True)))
+    linearised = Interruptible(jax.jit(jax.jacfwd(with_value, has_aux=True)))
+    return _Compiled(everything, Interruptible(everything), linearised)
 
 
 def _tree(values: Array, structure: Any, shapes: tuple[tuple[int, ...], ...]) -> Any:
@@ -326,13 +380,11 @@ def _remembered(work: Checkpoint, name: str, function: Callable) -> Callable:
 
 def _search(
     compiled: _Compiled,
-    asked: _Compiled,
-    given: _Given,
+    asking: _Asking,
     each: np.ndarray,
     linear: Callable,
     optimizer: optax.GradientTransformationExtraArgs,
     most_steps: int,
-    progress: bool,
 ) -> tuple[np.ndarray, list[float], int]:
     """Optax over the logarithms, (S, P), until all are in a valley; they, best losses and runs."""
     state = jax.jit(jax.vmap(optimizer.init))(each)
@@ -340,7 +392,7 @@ def _search(
     runs = 0
 
     def loss_of(logs: Array) -> Array:
-        value = compiled.everything(logs, given)
+        value = compiled.traceable(logs, asking.given)
         return 0.5 * value @ value
 
     def updated(logs: Array, state: Any, value: Array, jacobian: Array) -> tuple[Array, Any]:
@@ -353,16 +405,16 @@ def _search(
     update = _of_each(jax.jit(updated), len(each))
     found = np.zeros(len(each), bool)
     sound = each.copy()  # where something could be predicted last, or Gauss-Newton leads
-    bar = tqdm(range(most_steps), desc="search", disable=not progress, leave=False)
-    for _ in bar:
+    for _ in range(most_steps):
         jacobian, value = linear(each)
         runs += int((~found).sum())
         losses.append(min(losses[-1:] + [_half_square(one) for one in value]))
-        bar.set_postfix(loss=f"{losses[-1]:.3g}")
+        asking.tell("search", losses[-1])
         finite = np.array([_finite(*one) for one in zip(jacobian, value, strict=True)])
         lost = ~finite & ~found
         for row in np.flatnonzero(finite & ~found):
-            ahead = _trusted(asked, given, each[row], jacobian[row], value[row])
+            here = Point(_half_square(value[row]), each[row], jacobian[row], value[row])
+            ahead = _trusted(asking, here)
             runs += 1
             found[row] = ahead is not None
             sound[row] = ahead if found[row] else each[row]
@@ -374,7 +426,7 @@ def _search(
         moving = finite & ~found
         moved, next_state = update(each, state, value, jacobian)
         state = jax.tree.map(partial(_where, moving), next_state, state)
-        each = _where(moving, moved, _where(lost, back, sound))
+        each = asking.box.clip(_where(moving, moved, _where(lost, back, sound)))
     return sound, losses, runs
 
 
@@ -401,67 +453,27 @@ def _of_each(function: Callable, starts: int) -> Callable:
     return of_each
 
 
-class _End(NamedTuple):
-    """Where a finish ended."""
-
-    loss: float
-    logs: np.ndarray  # (P,)
-    jacobian: np.ndarray  # (M + K, P)
-    value: np.ndarray  # (M + K,)
+def _expects_nothing(end: Point, box: Box) -> bool:
+    return abs(levenberg.step(end, box)[1]) < CONVERGED_BELOW
 
 
-def _at(compiled: _Compiled, given: _Given, logs: np.ndarray) -> _End:
-    jacobian, value = map(np.asarray, compiled.linearised(logs, given))
-    return _End(_half_square(value), logs, jacobian, value)
+def _finish(asking: _Asking, logs: np.ndarray, most_steps: int) -> tuple[Point, int]:
+    """Levenberg-Marquardt; the end and the runs."""
+    first = asking.at(logs)
+    best = first.loss
+
+    def at(logs: np.ndarray) -> Point:
+        nonlocal best
+        point = asking.at(logs)
+        best = min(best, point.loss)
+        asking.tell("finish", best)
+        return point
+
+    end, runs = levenberg.minimise(at, first, asking.box, most_steps)
+    return end, runs + 1
 
 
-def _expects_nothing(end: _End) -> bool:
-    return _gauss_newton(end.jacobian, end.value)[1] < CONVERGED_BELOW
-
-
-def _finish(
-    compiled: _Compiled, given: _Given, logs: np.ndarray, most_steps: int
-) -> tuple[_End, int]:
-    """Levenberg-Marquardt (scipy), tighter until converged; the end and the runs."""
-    end = last = _at(compiled, given, logs)
-    runs = 1
-    # MINPACK wants as many residuals as values.
-    spare = np.zeros((max(0, logs.size - end.value.size), 1 + logs.size))
-
-    def at(logs: np.ndarray) -> _End:
-        nonlocal runs, last
-        if not np.array_equal(last.logs, logs):
-            runs, last = runs + 1, _at(compiled, given, logs.copy())
-        return last
-
-    def residuals(logs: np.ndarray) -> np.ndarray:
-        return np.append(at(logs).value, spare[:, 0])
-
-    def jacobian(logs: np.ndarray) -> np.ndarray:
-        return np.vstack([at(logs).jacobian, spare[:, 1:]])
-
-    # At the tighter one it may go on for long in the rounding of a fit that has long converged.
-    for tolerance in (1e-6, 1e-9):
-        if not _finite(end.jacobian, end.value):
-            break
-        last = end
-        found = least_squares(
-            residuals,
-            end.logs,
-            jacobian,
-            method="lm",
-            ftol=tolerance,
-            xtol=tolerance,
-            gtol=tolerance,
-            max_nfev=most_steps,
-        )
-        end = at(found.x)
-        if _expects_nothing(end) or not found.success:
-            break
-    return end, runs
-
-
-def _without_slopes(compiled: _Compiled, given: _Given, end: _End) -> tuple[_End, bool, int]:
+def _without_slopes(asking: _Asking, end: Point) -> tuple[Point, bool, int]:
     """Nelder & Mead's simplex (scipy) in standard errors, from where slopes led no further.
 
     Returns: the end; whether it is an optimum on a kink: a second simplex finds no better, slopes
@@ -469,29 +481,34 @@ def _without_slopes(compiled: _Compiled, given: _Given, end: _End) -> tuple[_End
     """
     runs, agree = 0, False
     for number, size in enumerate((SIMPLEX, -SIMPLEX, SIMPLEX)):
-        found, logs = _simplex(compiled, given, end, size)
+        found, logs = _simplex(asking, end, size)
         agree = bool(number and found.success and 2.0 * end.loss - found.fun < FOUND_AGAIN_WITHIN)
-        end, more = _finish(compiled, given, logs, AGAIN)
+        end, more = _finish(asking, logs, AGAIN)
         if not 2.0 * end.loss <= found.fun:
-            end = _at(compiled, given, logs)
+            end = asking.at(logs)
         runs += found.nfev + more + 1
-        if _expects_nothing(end) or not _finite(end.jacobian):
+        if _expects_nothing(end, asking.box) or not _finite(end.jacobian):
             return end, False, runs
         if agree:
             break
-    kink, more = _jumps(compiled, given, end)
+    kink, more = _jumps(asking, end)
     return end, agree and kink, runs + more
 
 
-def _simplex(
-    compiled: _Compiled, given: _Given, end: _End, size: float
-) -> tuple[OptimizeResult, np.ndarray]:
+def _simplex(asking: _Asking, end: Point, size: float) -> tuple[OptimizeResult, np.ndarray]:
     """What scipy finds about the end, and the logarithms of its best point, (P,)."""
     to_logs = _standard_errors(end)
+    best = end.loss
+
+    def at(errors: np.ndarray) -> np.ndarray:
+        return asking.box.clip(end.logs + to_logs @ errors)
 
     def chi_squared(errors: np.ndarray) -> float:
-        value = compiled.everything(end.logs + to_logs @ errors, given)
-        return 2.0 * _half_square(np.asarray(value))
+        nonlocal best
+        loss = _half_square(np.asarray(asking.compiled.everything(at(errors), asking.given)))
+        best = min(best, loss)
+        asking.tell("simplex", best)
+        return 2.0 * loss
 
     corners = size * np.vstack([np.zeros(to_logs.shape[1]), np.eye(to_logs.shape[1])])
     most = MOST_FOR_EACH * corners.shape[1]
@@ -499,51 +516,39 @@ def _simplex(
         initial_simplex=corners, xatol=SIMPLEX_ENDS, fatol=SIMPLEX_ENDS**2, maxfev=most
     )
     found = minimize(chi_squared, corners[0], method="Nelder-Mead", options=options)
-    return found, end.logs + to_logs @ found.x
+    return found, at(found.x)
 
 
-def _standard_errors(end: _End) -> np.ndarray:
-    """Steps of one standard error along all that the data or priors determine, (P, K)."""
+def _standard_errors(end: Point) -> np.ndarray:
+    """Steps of one standard error along all that the data or priors determine, (P, K).
+
+    None is longer than a factor of a thousand: one of which next to nothing is known has an error
+    without end.
+    """
     _, size, directions = np.linalg.svd(end.jacobian, full_matrices=False)
-    seen = size > 1e-10 * size[0]
-    return directions[seen].T / size[seen]
+    seen = size > levenberg.resolved(end.jacobian) * size[0]
+    return directions[seen].T * np.minimum(1.0 / size[seen], LONGEST_ERROR)
 
 
-def _jumps(compiled: _Compiled, given: _Given, end: _End) -> tuple[bool, int]:
+def _jumps(asking: _Asking, end: Point) -> tuple[bool, int]:
     """Whether slopes jump near an end: then they differ as much over shorter distances."""
     errors, changes = _standard_errors(end), []
     for step in ASIDE:
         sides = [
-            [_at(compiled, given, end.logs + sign * step * along).jacobian @ errors
-             for along in errors.T]
+            [asking.at(end.logs + sign * step * along).jacobian @ errors for along in errors.T]
             for sign in (1.0, -1.0)
-        ]  # fmt: skip
+        ]
         after, before = map(np.array, sides)
         changes.append(float(np.abs(after - before).max()))
     far, near = changes
     return near > 0.6 * far, 4 * errors.shape[1]
 
 
-def _trusted(
-    compiled: _Compiled,
-    given: _Given,
-    logs: np.ndarray,
-    jacobian: np.ndarray,
-    value: np.ndarray,
-) -> np.ndarray | None:
+def _trusted(asking: _Asking, here: Point) -> np.ndarray | None:
     """Where a Gauss-Newton step leads that brings the decrease it promises, else None; one run."""
-    step, gain = _gauss_newton(jacobian, value)
-    ahead = _at(compiled, given, logs + step)
-    decrease = _half_square(value) - ahead.loss
-    return ahead.logs if decrease >= TRUSTED_FROM * 0.5 * gain else None
-
-
-def _gauss_newton(jacobian: np.ndarray, value: np.ndarray) -> tuple[np.ndarray, float]:
-    """The shortest such step, (P,), and the decrease in the sum of squares that it promises."""
-    if not _finite(jacobian, value):
-        return np.zeros(jacobian.shape[1]), np.inf
-    step, *_ = np.linalg.lstsq(jacobian, -value, rcond=1e-10)
-    return step, float(np.sum((jacobian @ step) ** 2))
+    change, gain = levenberg.step(here, asking.box, levenberg.LONGEST)
+    ahead = asking.at(here.logs + change)
+    return ahead.logs if here.loss - ahead.loss >= TRUSTED_FROM * 0.5 * gain else None
 
 
 def _names(start: Any) -> tuple[str, ...]:
@@ -553,7 +558,39 @@ def _names(start: Any) -> tuple[str, ...]:
         label = jax.tree_util.keystr(path, simple=True, separator=".") or "theta"
         indices = np.ndindex(np.shape(leaf))
         names += [f"{label}[{','.join(map(str, index))}]" if index else label for index in indices]
+    for name in names:
+        if names.count(name) > 1:
+            raise InputError(
+                f"start: two of its parameters are called {name!r}, one by a key with a dot or "
+                "brackets in it; give them names of their own"
+            )
+    if not names:
+        raise InputError("start: has no parameters; give at least one positive number")
     return tuple(names)
+
+
+def _vector(compiled: "_Compiled", logs: np.ndarray, given: "_Given") -> int:
+    """How many residuals there are, priors included.
+
+    Raises:
+      InputError: none, or not a vector of one size.
+    """
+    try:
+        shape = jax.eval_shape(compiled.traceable, logs, given).shape
+    except (jax.errors.ConcretizationTypeError, jax.errors.NonConcreteBooleanIndexError) as error:
+        raise InputError(
+            "residuals: their number, or a choice in them, hangs on the values, so that JAX cannot "
+            "compile them; give as many for all values, with jnp.where in place of `if` and of "
+            "boolean indices"
+        ) from error
+    return int(shape[0])
+
+
+def _box(names: tuple[str, ...], bounds: dict[str, tuple[float, float]]) -> Box:
+    """Bounds of the logarithms, (P,)."""
+    ends = np.array([bounds.get(name, (0.0, np.inf)) for name in names], float)
+    with np.errstate(divide="ignore"):
+        return Box(*np.log(ends.T))
 
 
 def _prior_arrays(
@@ -566,15 +603,32 @@ def _prior_arrays(
 
 
 def _refuse_unusable(
-    names: tuple[str, ...], values: np.ndarray, priors: dict[str, LogNormal]
+    names: tuple[str, ...],
+    values: np.ndarray,
+    priors: dict[str, LogNormal],
+    bounds: dict[str, tuple[float, float]],
 ) -> None:
     for name, value in zip(names, values, strict=True):
         if not (np.isfinite(value) and value > 0):
-            raise ValueError(f"start of {name} = {value}: must be a positive number")
+            raise InputError(f"start of {name} = {value}: must be a positive number")
+    for what, of in (("prior", priors), ("bounds", bounds)):
+        for name in of:
+            if name not in names:
+                raise InputError(
+                    f"{what} for {name!r}: no such parameter; the start has {', '.join(names)}"
+                )
     for name, prior in priors.items():
-        if name not in names:
-            raise ValueError(
-                f"prior for {name!r}: no such parameter; the start has {', '.join(names)}"
+        if not (0 < prior.median < np.inf and 0 < prior.log_standard_deviation < np.inf):
+            raise InputError(f"prior of {name} = {prior}: both numbers must be positive")
+    start = dict(zip(names, values, strict=True))
+    for name, (lower, upper) in bounds.items():
+        if not 0 <= lower < upper:
+            raise InputError(
+                f"bounds of {name} = ({lower:g}, {upper:g}): must be two numbers from 0 on, the "
+                "lower first"
             )
-        if not (prior.median > 0 and prior.log_standard_deviation > 0):
-            raise ValueError(f"prior of {name} = {prior}: both numbers must be positive")
+        if not lower * (1.0 - 1e-9) <= start[name] <= upper * (1.0 + 1e-9):  # but for rounding
+            raise InputError(
+                f"start of {name} = {start[name]:g}: must be within its bounds, {lower:g} to "
+                f"{upper:g}"
+            )

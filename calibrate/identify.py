@@ -1,8 +1,9 @@
-"""What the data determine: which combinations of the fitted values, and which not at all.
+"""What the data determine: which values and combinations of them, and which not at all.
 
-Read from the Jacobian J of the residuals with respect to the logarithms of the values. A product
-of powers, exp(c . ln theta), is determined by the data where c lies in the row space of J; moving
-along the null space of J changes no prediction, and only the priors say where on it to be.
+Read from the Jacobian J of the residuals with respect to the logarithms of the values. The data
+alone give a product of powers, exp(c . ln theta), the error |c . J^-1| of its logarithm. It is
+determined where that is small by itself, or beside what a prior says of it. Moving along the null
+space of J changes no prediction, and only the priors say where on it to be.
 """
 
 from dataclasses import dataclass
@@ -15,6 +16,12 @@ from calibrate.fit import Fit
 RANK_TOLERANCE = 1e-6
 """Singular values below this part of the largest count as zero: a direction in which the data
 would have to be a million times better to say anything."""
+UNKNOWN = 10.0
+"""Standard error of a logarithm beyond which nothing is known: a factor of 22,000 either way."""
+DETERMINED, INFORMED = 1.0 / 3.0, 2.0
+"""Largest error by the data alone over a prior's standard deviation of what is called so."""
+WITHOUT_PRIOR = 0.5
+"""Largest error of a logarithm by the data alone of what is determined and has no prior."""
 
 SIMPLE = 6
 """Largest denominator of an exponent that is read as a fraction."""
@@ -51,10 +58,18 @@ class Identification:
     """Whether the data determine this value by itself."""
     standard_errors: dict[str, float]
     """Of each value, data and prior together; infinite where neither says anything."""
+    data_standard_errors: dict[str, float]
+    """Of each value's logarithm, by the data alone; infinite where they say nothing."""
+    status: dict[str, str]
+    """Of each value. With a prior, by the error that the data alone leave: `determined` up to a
+    third of the prior's, `informed` up to twice, else `prior only`; without: `determined` up to
+    0.5 in the logarithm, else `free`."""
+    weak_combinations: tuple[str, ...] = ()
+    """Products of powers of which the data say something, and too little to determine them."""
 
 
 def identify(fit: Fit) -> Identification:
-    """Reads off a fit what its data determine.
+    """Reads off a fit what its data determine; nothing, where a residual or slope is no number.
 
     Example:
       >>> def residuals(theta):
@@ -64,10 +79,15 @@ def identify(fit: Fit) -> Identification:
       (['a * b'], ('a / b',))
     """
     jacobian, values = fit.jacobian, fit.values
+    if not (np.isfinite(jacobian).all() and np.isfinite(fit.residuals).all()):
+        jacobian = np.zeros_like(jacobian)
     _, singular, rows = np.linalg.svd(jacobian, full_matrices=True)
     rank = int(np.sum(singular > RANK_TOLERANCE * max(singular[0], np.finfo(float).tiny)))
-    seen, unseen = rows[:rank], rows[rank:]
     from_data = np.linalg.pinv(jacobian.T @ jacobian, rcond=RANK_TOLERANCE**2, hermitian=True)
+    errors = np.full(len(rows), np.inf)
+    errors[:rank] = 1.0 / singular[:rank]
+    limits = np.array([_limit(direction, fit.prior_precision) for direction in rows])
+    seen, unseen = errors <= limits, errors > UNKNOWN
 
     def combination(exponents: np.ndarray) -> Combination:
         value = float(np.exp(exponents @ np.log(values)))
@@ -78,16 +98,40 @@ def identify(fit: Fit) -> Identification:
             value * float(np.sqrt(exponents @ from_data @ exponents)),
         )
 
-    in_row_space = np.sum(seen**2, axis=0)
+    in_row_space = np.sum(rows[:rank] ** 2, axis=0)
+    alone = np.where(in_row_space > 1 - RANK_TOLERANCE, np.sqrt(np.diag(from_data)), np.inf)
+    by_data = dict(zip(fit.names, map(float, alone), strict=True))
+    status = {
+        name: _status(by_data[name], precision)
+        for name, precision in zip(fit.names, fit.prior_precision, strict=True)
+    }
     return Identification(
         singular_values=singular,
-        combinations=tuple(combination(row) for row in _tidy(seen)),
-        null_directions=tuple(expression(fit.names, row) for row in _tidy(unseen)),
-        determined={
-            name: bool(share > 1 - RANK_TOLERANCE)
-            for name, share in zip(fit.names, in_row_space, strict=True)
-        },
+        combinations=tuple(combination(row) for row in _tidy(rows[seen])),
+        null_directions=tuple(expression(fit.names, row) for row in _tidy(rows[unseen & ~seen])),
+        determined={name: word == "determined" for name, word in status.items()},
         standard_errors=_standard_errors(fit),
+        data_standard_errors=by_data,
+        status=status,
+        weak_combinations=tuple(
+            expression(fit.names, np.round(row, 2)) for row in _tidy(rows[~seen & ~unseen])
+        ),
+    )
+
+
+def _limit(direction: np.ndarray, precision: np.ndarray) -> float:
+    """Largest error by the data of a determined product of powers, in its logarithm."""
+    if np.any(np.abs(direction[precision == 0.0]) > RANK_TOLERANCE):
+        return WITHOUT_PRIOR
+    return DETERMINED * float(np.sqrt(np.sum(direction**2 / np.where(precision, precision, 1.0))))
+
+
+def _status(error: float, precision: float) -> str:
+    if not precision:
+        return "determined" if error <= WITHOUT_PRIOR else "free"
+    share = error * np.sqrt(precision)
+    return (
+        "determined" if share <= DETERMINED else "informed" if share <= INFORMED else "prior only"
     )
 
 
@@ -153,8 +197,11 @@ def covariance(information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _standard_errors(fit: Fit) -> dict[str, float]:
     """From the curvature of data and priors together; logarithmic errors times the values."""
+    if not np.isfinite(fit.jacobian).all():
+        return dict.fromkeys(fit.names, np.inf)
     spread, unbounded = covariance(information(fit))
     unknown = np.sum(unbounded**2, axis=1) > RANK_TOLERANCE
+    unknown |= np.sqrt(np.diag(spread)) > UNKNOWN
     return {
         name: float(np.inf if none else value * error)
         for name, value, error, none in zip(

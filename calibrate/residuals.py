@@ -11,6 +11,7 @@ from jax import Array
 
 from calibrate.data import Experiment, Measurement, Sample
 from calibrate.fit import LogNormal
+from calibrate.meaningful import bounds
 from calibrate.predict import (
     ForwardModel,
     ForwardModelMaker,
@@ -111,6 +112,11 @@ class Problem:
         return {
             fitted.variable: fitted.prior for fitted in self.experiment.parameters if fitted.prior
         }
+
+    @property
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """What has a meaning, by variable: a fit keeps within it."""
+        return {one.variable: bounds(self.experiment, one) for one in self.experiment.parameters}
 
     @property
     def measurements(self) -> list[tuple[Sample, Measurement]]:

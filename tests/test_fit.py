@@ -9,6 +9,7 @@ import optax
 import pytest
 
 import calibrate
+import mrjax
 from calibrate import LogNormal
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
@@ -143,3 +144,150 @@ def test_names_of_arrays_and_nested_starts():
     )
     assert fit.names == ("f[0]", "f[1]", "g.h")
     np.testing.assert_allclose(fit.values, [2, 2, 1], rtol=1e-4)  # errors are of 1
+
+
+AT, READ = np.array([1.0, 2.0, 4.0]), np.array([6.1, 12.0, 23.9])
+SLOPE = float(AT @ READ / (AT @ AT))
+
+
+def slope_of_a_product(theta):
+    """Of a line through 0: only the product of all values shows."""
+    return (jnp.prod(jnp.stack(list(theta.values()))) * AT - READ) / 0.1
+
+
+@pytest.mark.parametrize("start", [(1.0, 1.0), (5.0, 1.0), (49.0, 1.1, 1.0), (2.3, 38.0, 2.6)])
+def test_a_fit_goes_the_shortest_way_where_only_a_product_is_determined(start):
+    theta = OrderedDict(zip("abc", start, strict=False))
+    fit = calibrate.fit(slope_of_a_product, theta)
+    factor = (SLOPE / np.prod(start)) ** (1 / len(start))
+    assert fit.converged
+    np.testing.assert_allclose(fit.values, np.array(start) * factor, rtol=1e-6)
+
+
+def test_what_no_residual_knows_of_stays_where_it_began():
+    """Whatever of the rest, and where residuals bend: 1000 / (f_w f_s) is measured."""
+    measured = jnp.array([9.1, 9.3])
+
+    def residuals(theta):
+        return (1000.0 / (theta["f_w"] * theta["f_s"]) - measured) / 0.1 + 0.0 * theta["other"]
+
+    fit = calibrate.fit(residuals, OrderedDict(f_w=49.0, f_s=1.1, other=7.0))
+    assert fit.converged and fit.values[2] == near(7.0, rel=1e-14)
+    np.testing.assert_allclose(fit.values[:2], [69.58, 1.562], rtol=1e-3)
+
+
+def test_bounds_hold_during_a_fit_and_at_its_end():
+    """a b = 6 and a = 5 are asked for; a is at most 3, so that b is 2."""
+    asked = []
+
+    def residuals(theta):
+        asked.append(theta)
+        return jnp.stack([theta["a"] * theta["b"] - 6.0, theta["a"] - 5.0]) / 0.01
+
+    bounds = {"a": (0.5, 3.0)}
+    fit = calibrate.fit(residuals, OrderedDict(a=1.0, b=1.0), bounds=bounds)
+    assert fit.converged
+    np.testing.assert_allclose(fit.values, [3.0, 2.0], rtol=1e-9)
+    inside = calibrate.fit(residuals, OrderedDict(a=1.0, b=1.0), bounds={"a": (0.5, 30.0)})
+    np.testing.assert_allclose(inside.values, [5.0, 1.2], rtol=1e-9)
+    # From the bound itself, and with further starts drawn beyond it.
+    wide = {"a": LogNormal(2.0, 3.0)}
+    many = calibrate.fit(residuals, OrderedDict(a=3.0, b=1.0), bounds=bounds, priors=wide, starts=4)
+    np.testing.assert_allclose(many.values, [3.0, 2.0], rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "bounds, words",
+    [
+        ({"a": (2.0, 3.0)}, r"start of a = 1: must be within its bounds, 2 to 3"),
+        ({"a": (3.0, 2.0)}, r"bounds of a = \(3, 2\): must be two numbers from 0 on"),
+        ({"a": (-1.0, 2.0)}, r"bounds of a = \(-1, 2\)"),
+        ({"a": (float("nan"), 2.0)}, r"bounds of a = \(nan, 2\)"),
+        ({"b": (1.0, 2.0)}, r"bounds for 'b': no such parameter; the start has a"),
+    ],
+)
+def test_bounds_that_cannot_be_kept_are_refused(bounds, words):
+    with pytest.raises(mrjax.InputError, match=words):
+        calibrate.fit(lambda theta: theta["a"][None], {"a": 1.0}, bounds=bounds)
+
+
+def grows(theta):
+    """As many as there are above zero."""
+    both = jnp.stack([theta["a"], theta["a"] - 2.0])
+    return both[both > 0.0]
+
+
+def chooses(theta):
+    return jnp.stack([theta["a"]]) if theta["a"] > 1.0 else jnp.zeros(1)
+
+
+@pytest.mark.parametrize(
+    "residuals, words",
+    [
+        (lambda theta: jnp.zeros(0) * theta["a"], r"residuals: have shape \(0,\); give a vector"),
+        (lambda theta: jnp.ones((2, 3)) * theta["a"], r"residuals: have shape \(2, 3\)"),
+        (grows, "residuals: their number, or a choice in them, hangs on the values"),
+        (chooses, "residuals: their number, or a choice in them, hangs on the values"),
+    ],
+)
+def test_residuals_that_are_no_vector_of_one_size_are_refused(residuals, words):
+    with pytest.raises(mrjax.InputError, match=words) as refusal:
+        calibrate.fit(residuals, {"a": 1.0})
+    assert "\n" not in str(refusal.value)
+
+
+def test_two_parameters_of_one_flattened_name_are_refused():
+    """A prior by that name would belong to both, and a dictionary of values has but one."""
+    for start in (
+        {"a.b": 1.0, "a": {"b": 1.0}},
+        {"f[0]": 1.0, "f": np.ones(2)},
+        {"a.b.c": 1.0, "a": {"b": {"c": 1.0}}},
+    ):
+        with pytest.raises(mrjax.InputError, match="start: two of its parameters are called"):
+            calibrate.fit(lambda theta: jnp.ones(1), start)
+
+
+def test_residuals_that_are_no_numbers_identify_nothing():
+    fit = calibrate.fit(lambda theta: jnp.array([jnp.nan, 1.0]) * theta["a"], {"a": 1.0})
+    found = calibrate.identify(fit)
+    assert not fit.converged and found.combinations == ()
+    assert found.standard_errors == {"a": np.inf} and found.determined == {"a": False}
+    assert found.null_directions == ("a",)
+
+
+def test_an_error_larger_than_the_value_determines_nothing():
+    """ln a is known to 0.002, ln b to 250."""
+
+    def residuals(theta):
+        return jnp.stack([500 * jnp.log(theta["a"] / 2.0), 0.004 * jnp.log(theta["b"] / 0.5)])
+
+    found = calibrate.identify(calibrate.fit(residuals, {"a": 1.9, "b": 0.13}))
+    assert found.determined == {"a": True, "b": False}
+    assert found.status == {"a": "determined", "b": "free"}
+    assert [one.expression for one in found.combinations] == ["a"]
+    assert found.standard_errors["b"] == np.inf
+    assert found.data_standard_errors["b"] == near(250.0)
+
+
+@pytest.mark.parametrize(
+    "error, prior, status",
+    [
+        (0.49, None, "determined"),
+        (0.51, None, "free"),
+        (0.16, 0.5, "determined"),
+        (0.17, 0.5, "informed"),
+        (0.99, 0.5, "informed"),
+        (1.01, 0.5, "prior only"),
+        (1.6, 5.0, "determined"),
+    ],
+)
+def test_the_data_s_own_error_is_judged_beside_the_prior(error, prior, status):
+    def residuals(theta):
+        return jnp.log(theta["a"])[None] / error
+
+    priors = {} if prior is None else {"a": LogNormal(1.0, prior)}
+    found = calibrate.identify(calibrate.fit(residuals, {"a": 1.5}, priors=priors))
+    assert found.status == {"a": status} and found.determined["a"] == (status == "determined")
+    assert found.data_standard_errors["a"] == near(error, rel=1e-6)
+    assert len(found.combinations) == (status == "determined")
+    assert found.weak_combinations == (() if status == "determined" else ("a",))

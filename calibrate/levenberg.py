@@ -1,0 +1,134 @@
+"""Levenberg and Marquardt's method within bounds, by shortest steps.
+
+Least |r(x)|^2 by steps d that minimise |r + J d| within a ball about x, whose radius follows from
+how well the last step kept what it promised (More 1978). Of all such steps the shortest is taken:
+a direction along which J does not change is one of which the data say nothing, and x stays where
+it is along it. MINPACK takes any of them, and runs along what nothing bounds.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import brentq
+
+LONGEST = 10.0
+"""A step at first; in logarithms, a factor of 22,000."""
+ACCEPTED, POOR, GOOD = 1e-4, 0.25, 0.75
+"""Of the decrease that a step promised: from where it is taken, below where the next is shorter,
+and above where it may be longer."""
+DONE = 1e-8
+"""Promised decrease of the sum of squares after which there is nothing more to do: 1e-4 standard
+deviations, and far less behind a step that is taken."""
+
+
+class Box(NamedTuple):
+    """Bounds of each coordinate, (P,)."""
+
+    lower: np.ndarray
+    upper: np.ndarray
+
+    def clip(self, at: np.ndarray) -> np.ndarray:
+        """The nearest within the bounds."""
+        return np.clip(at, self.lower, self.upper)
+
+
+class Point(NamedTuple):
+    """Residuals where they were asked for."""
+
+    loss: float
+    """Half the sum of squares, infinite where it is not a number."""
+    logs: np.ndarray
+    """(P,)."""
+    jacobian: np.ndarray
+    """(M, P)."""
+    value: np.ndarray
+    """(M,)."""
+
+    @property
+    def finite(self) -> bool:
+        """Whether residuals and slopes are numbers."""
+        return bool(np.isfinite(self.jacobian).all() and np.isfinite(self.value).all())
+
+
+def step(point: Point, box: Box, radius: float = np.inf) -> tuple[np.ndarray, float]:
+    """The shortest step within a radius and the bounds, (P,), and what it promises.
+
+    Returns: the step, and the decrease of the sum of squares where residuals are straight.
+    """
+    if not point.finite:
+        return np.zeros(point.logs.size), np.inf
+    jacobian, value = point.jacobian, point.value
+    found = np.zeros(point.logs.size)
+    free = np.ones(found.size, bool)
+    for _ in range(found.size):
+        found[free] = _shortest(
+            jacobian[:, free], value + jacobian[:, ~free] @ found[~free], radius
+        )
+        inside = box.clip(point.logs + found) - point.logs
+        beyond = free & (inside != found)
+        if not beyond.any():
+            break
+        # What would leave the bounds ends on them; the rest follows.
+        found = inside
+        free &= ~beyond
+    found = box.clip(point.logs + found) - point.logs
+    along = jacobian @ found
+    return found, float(-along @ (2.0 * value + along))
+
+
+def _shortest(jacobian: np.ndarray, value: np.ndarray, radius: float) -> np.ndarray:
+    """The step to the least |r + J d| with |d| within the radius, (P,)."""
+    left, size, right = np.linalg.svd(jacobian, full_matrices=False)
+    if not size.size:
+        return np.zeros(jacobian.shape[1])
+    seen = size > resolved(jacobian) * size[0]
+    left, size, right = left[:, seen], size[seen], right[seen]
+    along = -left.T @ value
+
+    def of(damping: float) -> np.ndarray:
+        return size * along / (size**2 + damping)
+
+    if np.linalg.norm(of(0.0)) <= radius:
+        return right.T @ of(0.0)
+    most = float(np.linalg.norm(size * along)) / radius
+    damping = brentq(lambda one: np.linalg.norm(of(one)) - radius, 0.0, most, rtol=1e-3)
+    return right.T @ of(damping)
+
+
+def resolved(jacobian: ArrayLike) -> float:
+    """Part of the largest singular value below which one is rounding."""
+    return max(1e-10, 10.0 * float(np.finfo(np.asarray(jacobian).dtype).eps))
+
+
+def minimise(
+    at: Callable[[np.ndarray], Point], first: Point, box: Box, most_steps: int
+) -> tuple[Point, int]:
+    """From the first point to the least sum of squares near it, and the points asked for.
+
+    Args:
+      at: residuals and slopes at a place.
+      first: where to begin, within the bounds.
+      box: the bounds.
+      most_steps: points to ask for at most.
+    """
+    here, radius = first, LONGEST
+    for number in range(most_steps):
+        if not here.finite:
+            return here, number
+        change, promised = step(here, box, radius)
+        if not change.any():
+            return here, number
+        length = float(np.linalg.norm(change))
+        there = at(here.logs + change)
+        kept = 2.0 * (here.loss - there.loss) / promised if there.finite and promised > 0.0 else 0.0
+        if kept > ACCEPTED:
+            here = there
+        if abs(promised) < DONE:
+            return here, number + 1
+        if kept < POOR:
+            radius = 0.25 * length
+        elif kept > GOOD:
+            radius = max(radius, 2.0 * length)
+    return here, most_steps

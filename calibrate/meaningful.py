@@ -1,0 +1,86 @@
+"""Within which values a fitted quantity has a meaning: those that a lab sheet takes for it.
+
+A fit whose data leave a quantity open ends within them, and not at 1e43.
+"""
+
+from functools import cache
+from typing import Any
+
+from calibrate.data import Experiment
+from calibrate.fitted import Fitted
+from calibrate.suspension import BED, CLOSURE
+from mrjax import recipe
+from mrjax.recipe import LARGEST_BOX, LARGEST_FACTOR, LEAST_FACTOR, Recipe
+from mrjax.sheets import LARGEST, SMALLEST, Sheet
+
+OF_SHEET: dict[str, tuple[type[Sheet], str]] = {
+    "particle_density": (recipe.Particle, "density"),
+    "elastic_modulus": (recipe.Particle, "elastic_modulus"),
+    "poisson_ratio": (recipe.Particle, "poisson_ratio"),
+    "fluid_density": (recipe.Fluid, "density"),
+    "viscosity": (recipe.Fluid, "viscosity"),
+    "coating_density": (recipe.Coating, "density"),
+    "f_r": (recipe.Coating, "radius_factor"),
+    "wall_elastic_modulus": (recipe.Particle, "elastic_modulus"),
+    "wall_poisson_ratio": (recipe.Particle, "poisson_ratio"),
+    "friction": (recipe.Contact, "friction"),
+    "restitution": (recipe.Contact, "restitution"),
+    "dissipation": (recipe.Contact, "dissipation"),
+    "tangential_dissipation": (recipe.Contact, "tangential_dissipation"),
+    "rolling_friction": (recipe.Contact, "rolling_friction"),
+    "rolling_damping": (recipe.Contact, "rolling_damping"),
+    "added_mass": (recipe.Drag, "added_mass"),
+    "gravity": (Recipe, "gravity"),
+}
+"""The entry of a lab sheet for leaves of `mrjax.Parameters`."""
+FACTORS = ("f_w", "f_s", "f_v")
+DENSER = 1e-3
+"""By how much of it a bed is denser than its suspension, at least."""
+NEAREST = 1e-9
+"""Of the distance between bounds, to either of them."""
+
+
+def bounds(experiment: Experiment, one: Fitted) -> tuple[float, float]:
+    """Least and greatest x of a fitted quantity."""
+    lower, upper = _of_value(experiment, one)
+    if not one.bounds:
+        return lower, upper
+    return _odds(one, lower), _odds(one, upper)
+
+
+def _odds(one: Fitted, value: float) -> float:
+    """The x of a value, or of the nearest between the bounds."""
+    lower, upper = one.bounds or (0.0, 1.0)
+    share = (value - lower) / (upper - lower)
+    share = min(max(share, NEAREST), 1.0 - NEAREST)
+    return share / (1.0 - share)
+
+
+def _of_value(experiment: Experiment, one: Fitted) -> tuple[float, float]:
+    if one.name == BED:
+        thickest = max(
+            sample.recipe.coated_volume_fraction
+            for sample in experiment.samples
+            if sample.name in one.samples
+        )
+        return (1.0 + DENSER) * float(thickest), 1.0
+    if one.name in FACTORS or one.name.startswith(CLOSURE):
+        return LEAST_FACTOR, LARGEST_FACTOR
+    if one.name in OF_SHEET:
+        return _of_entry(*OF_SHEET[one.name])
+    return SMALLEST, LARGEST_BOX if one.name == "radius" else LARGEST
+
+
+@cache
+def _of_entry(sheet: type[Sheet], entry: str) -> tuple[float, float]:
+    """Bounds of a positive number in a lab sheet."""
+
+    def found(names: tuple[str, ...], otherwise: float) -> float:
+        for rule in sheet.model_fields[entry].metadata:
+            for name in names:
+                value: Any = getattr(rule, name, None)
+                if value is not None:
+                    return float(value)
+        return otherwise
+
+    return max(SMALLEST, found(("ge", "gt"), SMALLEST)), found(("le", "lt"), LARGEST)
