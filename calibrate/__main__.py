@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mrjax import InputError, SimulationError, commands
+from mrjax.text import in_toml
 
 if TYPE_CHECKING:
     from calibrate.data import Experiment, Sample
@@ -26,7 +27,8 @@ def _new_experiment(context: click.Context, _option: click.Parameter, file: Path
         resources.files("calibrate").joinpath(name).read_text("utf-8")
         for name in ("template.toml", "template.csv")
     )
-    commands.write_new({file: template.replace("template.csv", readings.name), readings: example})
+    template = template.replace('"template.csv"', in_toml(readings.name))
+    commands.write_new({file: template, readings: example})
     commands.echo(
         f"Put your readings into {readings}, and into {file} what they are of; then: "
         f"mrjax-calibrate {file} --model column"

@@ -11,6 +11,7 @@ from calibrate.profile import LEVELS, Profile
 from calibrate.residuals import Problem
 from calibrate.units import CURVES, TIME_UNITS
 from mrjax.figures import COLUMN, STYLE
+from mrjax.text import in_figure
 
 MARKERS = "osD^v<>p"
 """Of samples, one after the other."""
@@ -62,7 +63,7 @@ def curves_figure(result: dict[str, Any]) -> Figure:
         axes.plot(days, predicted, color="0.4", label="predicted")
         if np.isfinite(spread).all():
             axes.fill_between(days, predicted - spread, predicted + spread, color="0.85", zorder=0)
-        axes.set_title(f"sample {name}")
+        axes.set_title(f"sample {in_figure(name)}")
         axes.set_xlabel("time, days")
         unit = of_sample[0]["unit"]
         what = spelled(of_sample[0]["observable"])
@@ -91,7 +92,7 @@ def residuals_figure(result: dict[str, Any]) -> Figure:
             color="k",
             markerfacecolor=("0.75", "k", "w")[number % 3],
             ms=4,
-            label=f"sample {name}",
+            label=f"sample {in_figure(name)}",
         )
     axes.set_xticks([])
     axes.set_xlabel("measurements, in their order")
@@ -120,7 +121,7 @@ def profiles_figure(problem: Problem, profiles: tuple[Profile, ...]) -> Figure:
             axes.axhline(level, color="0.6", lw=0.8)
             axes.annotate(coverage, (1.0, level), xycoords=("axes fraction", "data"), ha="right")
         axes.set_ylim(0, 9)
-        axes.set_xlabel(one.label)
+        axes.set_xlabel(in_figure(one.label))
     axes_of[0].set_ylabel("increase of chi-squared")
     return figure
 
@@ -133,7 +134,7 @@ def corner_figure(samples: Posterior) -> Figure:
     figure = Figure(figsize=(2.0 * len(samples.names) + 0.6,) * 2)
     corner.corner(
         samples.samples,
-        labels=list(samples.names),
+        labels=list(map(in_figure, samples.names)),
         fig=figure,
         show_titles=True,
         title_fmt=".4g",
@@ -169,7 +170,8 @@ def predictions_figure(result: dict[str, Any]) -> Figure:
             label="predicted",
         )
         axes.set_xticks(
-            places, [f"{one['sample']}\n{spelled(one['observable'])}" for one in of_unit]
+            places,
+            [f"{in_figure(one['sample'])}\n{spelled(one['observable'])}" for one in of_unit],
         )
         axes.set_xlim(-0.6, len(of_unit) - 0.4)
         highest = max(max(one["measured"] + one["sigma"], one["predicted"]) for one in of_unit)

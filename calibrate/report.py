@@ -1,9 +1,9 @@
 """What a fit found: JSON for programs, Markdown and one HTML page for people."""
 
 import base64
-import html
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -21,6 +21,7 @@ from calibrate.profile import LEVELS, Profile
 from calibrate.residuals import Problem
 from calibrate.units import CURVES, TIME_UNITS
 from mrjax import Parameters, files, terminal_velocity, validity
+from mrjax.text import in_code, in_html, in_markdown, in_terminal
 
 LARGEST_CHI_SQUARED = 4.0
 """Of a degree of freedom, two standard deviations each: beyond it a fit is called a misfit."""
@@ -29,6 +30,18 @@ MADE_BY = ("experiment", "lab_sheets", "model", "seed", "dtype", "versions")
 """What of a result is told in the metadata of its figures, too."""
 PIXELS_PER_INCH = 144
 """Of figures on the page."""
+
+
+class Language(NamedTuple):
+    """What names of samples and of values are put into."""
+
+    text: Callable[[str], str]
+    code: Callable[[str], str]
+
+
+MARKDOWN = Language(in_markdown, in_code)
+TERMINAL = Language(in_terminal, lambda name: f"`{in_terminal(name)}`")
+
 
 SAID = {
     "carried_by_priors_alone": (
@@ -201,12 +214,13 @@ def _predictions(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[dict
     ]
 
 
-def in_words(result: dict[str, Any]) -> list[str]:
+def in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]:
     """What the data determine and what they do not, a sentence a line."""
+    text, code = language
     parameters, combinations = result["parameters"], result["determined_combinations"]
     lines = [
-        f"The {spelled(one['observable'])} of sample {one['sample']} varies as "
-        f"{one['varies_as']}: only that product of powers can be read from it."
+        f"The {spelled(one['observable'])} of sample {text(one['sample'])} varies as "
+        f"{text(one['varies_as'])}: only that product of powers can be read from it."
         for one in result["predictions"]
         if one.get("varies_as", "1") != "1"
     ]
@@ -215,18 +229,18 @@ def in_words(result: dict[str, Any]) -> list[str]:
         f"independent combination{'s' if len(combinations) != 1 else ''}:"
     )
     lines += [
-        f"- `{one['expression']}` = {_with_error(one['value'], one['standard_error'])}"
+        f"- {code(one['expression'])} = {_with_error(one['value'], one['standard_error'])}"
         for one in combinations
     ]
     lines += [
-        f"`odds({label})` is ({label} - {one['bounds'][0]:g}) / ({one['bounds'][1]:g} - {label}), "
-        "which runs from 0 to infinity."
+        f"{code(f'odds({label})')} is ({text(label)} - {one['bounds'][0]:g}) / "
+        f"({one['bounds'][1]:g} - {text(label)}), which runs from 0 to infinity."
         for label, one in parameters.items()
         if one["bounds"]
     ]
     lines += [
-        f"No measurement says anything of `{direction}`: changing it, with the combinations above "
-        "held, changes no prediction."
+        f"No measurement says anything of {code(direction)}: changing it, with the combinations "
+        "above held, changes no prediction."
         for direction in result["null_directions"]
     ]
     if result["misfit"]:
@@ -236,13 +250,13 @@ def in_words(result: dict[str, Any]) -> list[str]:
             f"{result['reduced_chi_squared']:.3g} for each degree of freedom."
         )
     lines += [
-        f"One `{label}` is taken for samples {', '.join(one['samples'])}."
+        f"One {code(label)} is taken for samples {text(', '.join(one['samples']))}."
         for label, one in parameters.items()
         if len(one["samples"]) > 1
     ]
     for key, (one, several) in SAID.items():
         if names := result[key]:
-            listed = ", ".join(f"`{name}`" for name in names)
+            listed = ", ".join(map(code, names))
             lines.append((several if len(names) > 1 else one).format(listed))
     return lines
 
@@ -283,7 +297,7 @@ def markdown(name: str, model: str, result: dict[str, Any], figures: dict[str, F
         ["parameter", "one value for", "fitted", *LEVELS, "prior", "posterior", "determined"],
         (
             [
-                f"`{label}`",
+                in_code(label),
                 f"sample{'s' if len(one['samples']) > 1 else ''} {', '.join(one['samples'])}",
                 _with_error(one["value"], one["standard_error"]),
                 *(_range(one["profile"], coverage) for coverage in LEVELS),
@@ -302,10 +316,11 @@ def markdown(name: str, model: str, result: dict[str, Any], figures: dict[str, F
             for name, number in of_sample.items()
         ),
     )
-    beyond = "".join(f"\n**Warning:** {warning}.\n" for warning in result["warnings"])
-    notes = "".join(f"\nNote: {note}.\n" for note in result["notes"])
-    words = "\n".join(line if line.startswith("-") else f"\n{line}" for line in in_words(result))
-    return f"""# {name}, fitted with the {model} model
+    beyond = "".join(f"\n**Warning:** {in_markdown(warning)}.\n" for warning in result["warnings"])
+    notes = "".join(f"\nNote: {in_markdown(note)}.\n" for note in result["notes"])
+    said = in_words(result, MARKDOWN)
+    words = "\n".join(line if line.startswith("-") else f"\n{line}" for line in said)
+    return f"""# {in_markdown(name)}, fitted with the {model} model
 
 {verdict} chi-squared {result["chi_squared"]:.3g} from {len(result["predictions"])} measurements
 and {result["degrees_of_freedom"]} degrees of freedom; {result["model_runs"]} model runs,
@@ -347,7 +362,7 @@ def write(
     files.write_json(folder / "fit.json", result)
     files.write_text(folder / "report.md", text)
     made_by = {name: result[name] for name in MADE_BY}
-    page = _html(text)
+    page = _html(f"{result['experiment']}, fitted with the {result['model']} model", text)
     for name, figure in figures.items():
         files.write_figure(folder, name, figure, made_by, pdf)
         image = base64.b64encode((folder / f"{name}.png").read_bytes()).decode("ascii")
@@ -359,13 +374,12 @@ def write(
     files.write_text(folder / "report.html", page)
 
 
-def _html(text: str) -> str:
+def _html(title: str, text: str) -> str:
     """The report as a page."""
-    renderer = MarkdownIt("commonmark").enable("table")
-    title = text.split("\n", 1)[0].removeprefix("# ")
+    renderer = MarkdownIt("commonmark", {"html": False}).enable("table")
     return f"""<!DOCTYPE html>
 <html lang="en">
-<head><meta charset="utf-8"><title>{html.escape(title)}</title>
+<head><meta charset="utf-8"><title>{in_html(title)}</title>
 <style>
 body {{ font: 16px/1.5 sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; }}
 table {{ border-collapse: collapse; }}

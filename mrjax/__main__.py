@@ -364,7 +364,9 @@ def check(recipe: str, quiet: bool, as_json: bool) -> None:
     for warning in warnings:
         commands.echo(f"mrjax: warning: {warning}", err=True)
     if as_json:
-        found = {one.name: {"value": one.value, "unit": one.unit} for one in quantities}
+        found = {
+            one.key: {"name": one.name, "value": one.value, "unit": one.unit} for one in quantities
+        }
         result = {"recipe": sheet.name, "derived": found, "notes": sheet.notes}
         click.echo(files.as_json(result | {"warnings": warnings}, ascii_only=True))
     if quiet or as_json:

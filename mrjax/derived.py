@@ -22,7 +22,10 @@ TO_REST = 2.5
 class Quantity:
     """What follows from a sheet."""
 
+    key: str
+    """An identifier."""
     name: str
+    """In words."""
     value: float
     unit: str
 
@@ -46,28 +49,43 @@ def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
     numbers = validity.numbers(parameters, of["velocity"])
     rest, steps = TO_REST * fall, TO_REST * fall / step
     found = [
-        ("particles in the box", count, "1"),
-        ("volume fraction of particles", recipe.volume_fraction, "1"),
-        ("volume fraction of coated particles", recipe.coated_volume_fraction, "1"),
-        ("smallest coated diameter", 2e6 * of["smallest"], "um"),
-        ("largest coated diameter", 2e6 * of["largest"], "um"),
-        ("density of coated particles", recipe.apparent_density, "kg/m^3"),
-        ("f_w, crowding", recipe.f_w, "1"),
-        ("f_s, shape", recipe.f_s, "1"),
-        ("f_v, viscosity", recipe.drag.f_v, "1"),
-        ("f_r, coating", recipe.radius_factor, "1"),
-        ("settling velocity (Eq. 27)", MM_PER_DAY * np.mean(of["velocity"]), "mm/day"),
-        *((f"{one.name} number", one.value, "1") for one in numbers),
-        ("relaxation time", of["relaxation"], "s"),
-        ("Rayleigh time of a contact (Eq. 26)", of["rayleigh"], "s"),
-        ("step that resolves both (Eq. 29)", of["step"], "s"),
-        (f"factor on moduli for an overlap of {overlap:g} radii", factor, "1"),
-        ("step of a run to rest", step, "s"),
-        ("duration of a run to rest, about", rest, "s"),
-        ("steps of a run to rest, about", steps, "1"),
-        ("its time at a million particle-steps a second", 1e-6 * count * steps, "s"),
+        ("particles", "particles in the box", count, "1"),
+        ("volume_fraction", "volume fraction of particles", recipe.volume_fraction, "1"),
+        (
+            "coated_volume_fraction",
+            "volume fraction of coated particles",
+            recipe.coated_volume_fraction,
+            "1",
+        ),
+        ("smallest_diameter", "smallest coated diameter", 2e6 * of["smallest"], "um"),
+        ("largest_diameter", "largest coated diameter", 2e6 * of["largest"], "um"),
+        ("density", "density of coated particles", recipe.apparent_density, "kg/m^3"),
+        ("f_w", "f_w, crowding", recipe.f_w, "1"),
+        ("f_s", "f_s, shape", recipe.f_s, "1"),
+        ("f_v", "f_v, viscosity", recipe.drag.f_v, "1"),
+        ("f_r", "f_r, coating", recipe.radius_factor, "1"),
+        (
+            "settling_velocity",
+            "settling velocity (Eq. 27)",
+            MM_PER_DAY * np.mean(of["velocity"]),
+            "mm/day",
+        ),
+        *((f"{one.name.lower()}_number", f"{one.name} number", one.value, "1") for one in numbers),
+        ("relaxation_time", "relaxation time", of["relaxation"], "s"),
+        ("rayleigh_time", "Rayleigh time of a contact (Eq. 26)", of["rayleigh"], "s"),
+        ("time_step", "step that resolves both (Eq. 29)", of["step"], "s"),
+        ("softening", f"factor on moduli for an overlap of {overlap:g} radii", factor, "1"),
+        ("time_step_to_rest", "step of a run to rest", step, "s"),
+        ("duration_to_rest", "duration of a run to rest, about", rest, "s"),
+        ("steps_to_rest", "steps of a run to rest, about", steps, "1"),
+        (
+            "wall_time_to_rest",
+            "its time at a million particle-steps a second",
+            1e-6 * count * steps,
+            "s",
+        ),
     ]
-    return [Quantity(name, float(value), unit) for name, value, unit in found]
+    return [Quantity(key, name, float(value), unit) for key, name, value, unit in found]
 
 
 def warnings(recipe: Recipe) -> list[str]:

@@ -6,6 +6,7 @@ import math
 import os
 import re
 import tempfile
+import warnings
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from importlib.metadata import version
@@ -15,12 +16,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mrjax.refusals import refusal, writing
+from mrjax.text import Markdown, in_markdown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DOTS_PER_INCH = 300
 """Of figures as PNG."""
+MOST_DOTS, MOST_DOTS_IN_ALL = 60_000, 1e8
+"""Along a side, and of a whole figure: matplotlib draws no more than 65,535 along a side."""
 SCRATCH = ".mrjax-"
 """How the names of scratch files begin."""
 
@@ -126,20 +130,33 @@ def write_figure(
     """
     from matplotlib import rc_context
 
+    width, height = figure.get_size_inches()
+    dots = min(
+        DOTS_PER_INCH, MOST_DOTS / max(width, height), (MOST_DOTS_IN_ALL / (width * height)) ** 0.5
+    )
     by, text = f"mrjax {version('mrjax')}", json.dumps(plain(made_by))
     kinds = {"png": {"Software": by, "Description": text}}
     if pdf:
         kinds["pdf"] = {"Creator": by, "Subject": text}
     for kind, metadata in kinds.items():
-        with replacing(folder / f"{name}.{kind}") as scratch, rc_context({"pdf.fonttype": 42}):
-            figure.savefig(scratch, dpi=DOTS_PER_INCH, metadata=metadata)
+        with (
+            replacing(folder / f"{name}.{kind}") as scratch,
+            rc_context({"pdf.fonttype": 42, "text.usetex": False}),
+            warnings.catch_warnings(),
+        ):
+            warnings.filterwarnings("ignore", "Glyph ", UserWarning)  # shown as a box
+            figure.savefig(scratch, dpi=dots, metadata=metadata)
 
 
 def markdown_table(header: list[str], rows: Iterable[Iterable[Any]]) -> str:
-    """A Markdown table, cells as text."""
-    lines = [header, ["---"] * len(header), *rows]
-    cells = ([str(cell).replace("|", "\\|") for cell in line] for line in lines)
-    return "".join(f"| {' | '.join(line)} |\n" for line in cells)
+    """A Markdown table, cells as text, but for those that are Markdown already."""
+    lines = [map(_cell, header), ["---"] * len(header), *(map(_cell, row) for row in rows)]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def _cell(value: Any) -> str:
+    content = value if isinstance(value, Markdown) else in_markdown(str(value))
+    return content.replace("|", "\\|")
 
 
 def _flush(path: Path) -> None:

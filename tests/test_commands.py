@@ -245,7 +245,9 @@ def test_check_shows_what_follows(tmp_path):
     status, out, err = run("check", "case3", "--json", folder=tmp_path)
     found = json.loads(out)
     assert found["recipe"] == "case3" and found["warnings"] == []
-    assert found["derived"]["particles in the box"] == {"value": 292.0, "unit": "1"}
+    particles = {"name": "particles in the box", "value": 292.0, "unit": "1"}
+    assert found["derived"]["particles"] == particles
+    assert all(key.isidentifier() and key.islower() for key in [*found, *found["derived"]])
     assert run("check", "case3", "--quiet", folder=tmp_path) == (0, "", "")
     status, out, err = run("check", "case4", folder=tmp_path)
     assert status == 2 and err.startswith("mrjax: case4: no such file")

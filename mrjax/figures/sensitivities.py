@@ -9,6 +9,7 @@ from matplotlib.ticker import EngFormatter
 
 from mrjax.errors import InputError
 from mrjax.figures.style import COLUMN, LINES, STYLE
+from mrjax.text import in_figure
 
 
 @STYLE
@@ -30,11 +31,13 @@ def sensitivities(exponents: Mapping[str, ArrayLike], observable: str) -> Figure
     widths = np.array([values[name] for name in names])
     figure = Figure(figsize=(COLUMN, 0.7 + 0.24 * len(names)), layout="constrained")
     axes = figure.subplots()
-    drawn = axes.barh(names, widths, 0.65, color="0.6", edgecolor="k", linewidth=0.6)
+    places = np.arange(len(names))
+    drawn = axes.barh(places, widths, 0.65, color="0.6", edgecolor="k", linewidth=0.6)
+    axes.set_yticks(places, map(in_figure, names))
     labels = [f"{width:+.3g}".replace("-", "\N{MINUS SIGN}") for width in widths]
     axes.bar_label(drawn, labels, fontsize=7.0, padding=2)
     axes.axvline(0.0, color="k", linewidth=0.6)
-    axes.set_xlabel(f"d ln {observable} / d ln parameter")
+    axes.set_xlabel(f"d ln {in_figure(observable)} / d ln parameter")
     reach = max(1e-300, np.abs(widths).max())
     # Room for the numbers beside the bars.
     axes.set_xlim(
@@ -65,12 +68,12 @@ def sensitivity_curves(
     axes = figure.subplots()
     axes.axhline(0.0, color="0.8", linewidth=0.6)
     for (name, curve), look in zip(values.items(), LINES, strict=False):
-        [line] = axes.plot(np.asarray(times, float), curve, label=name)
+        [line] = axes.plot(np.asarray(times, float), curve, label=in_figure(name))
         line.set(**look)
     axes.set_xlim(float(np.min(times)), float(np.max(times)))
     axes.set_xlabel("time")
     axes.xaxis.set_major_formatter(EngFormatter("s"))
-    axes.set_ylabel(f"d ln {observable}\n/ d ln parameter")
+    axes.set_ylabel(f"d ln {in_figure(observable)}\n/ d ln parameter")
     figure.legend(ncols=3, loc="outside upper center")
     return figure
 

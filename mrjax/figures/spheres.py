@@ -12,6 +12,7 @@ from matplotlib.image import AxesImage
 from mrjax.box import Box
 from mrjax.errors import InputError
 from mrjax.figures.style import COLUMN, PAGE, STYLE
+from mrjax.text import in_figure
 
 AZIMUTH, ELEVATION = np.radians(25.0), np.radians(12.0)
 """From where a box is looked at: to the right of its front, and from above."""
@@ -58,7 +59,7 @@ def particles(positions: Mapping[str, ArrayLike], radius: ArrayLike, box: Box) -
     panels = figure.subplots(1, len(centres), squeeze=False)[0]
     for axes, (title, places) in zip(panels, centres.items(), strict=True):
         draw(axes, inside(places, box), radius, np.asarray(box.size))
-        axes.set_title(title)
+        axes.set_title(in_figure(title))
     return figure
 
 

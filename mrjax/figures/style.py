@@ -22,6 +22,9 @@ STYLE = matplotlib.rc_context(
         "ytick.minor.width": 0.4,
         "lines.linewidth": 1.0,
         "image.cmap": "gray_r",
+        # Labels are made for matplotlib's own mathematics, by `mrjax.text.in_figure`.
+        "text.usetex": False,
+        "text.parse_math": True,
     }
 )
 """Decorates what draws a figure; nobody else's settings are touched."""
