@@ -42,6 +42,9 @@ class SystemRefusal(OSError):  # noqa: N818 - says who refuses, as no "Error" wo
     (`checkpoint`) stays.
     """
 
+    def __init__(self, message: object = "") -> None:
+        super().__init__(text.in_message(str(message)))
+
 
 def shown(value: object) -> str:
     """A value as a message has it: one printable line, and only the beginning of what is long."""

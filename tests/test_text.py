@@ -141,7 +141,7 @@ def test_json_is_printable_and_the_same(name):
 
 @each_name
 def test_messages_are_one_short_line(name):
-    for error in (mrjax.InputError, mrjax.SimulationError):
+    for error in (mrjax.InputError, mrjax.SimulationError, mrjax.SystemRefusal):
         for message in (name, name * 100, f"{name}\n{name}", f"{'x' * 1000}: {name}; mend it"):
             line = str(error(message))
             assert line.isprintable() and len(line) <= 400
