@@ -126,6 +126,8 @@ def cli(
     as_json: bool,
 ) -> None:
     """Fits an experiment and reports."""
+    began = time.perf_counter()
+    commands.start_jax(dtype)
     import numpy as np
 
     from calibrate import forecast, plots, report
@@ -138,8 +140,6 @@ def cli(
     from mrjax import files
     from mrjax.resume import kept
 
-    began = time.perf_counter()
-    commands.start_jax(dtype)
     loaded = Experiment.load(experiment)
     _refuse_options(model, begin_with, predict, like)
     if leave_one_out:

@@ -27,7 +27,7 @@ from tqdm import tqdm
 from calibrate import levenberg
 from calibrate.levenberg import Box, Point
 from calibrate.waiting import Interruptible
-from mrjax import InputError
+from mrjax import InputError, randomness
 from mrjax.checkpoint import Checkpoint, digest, refuse_foreign
 from mrjax.permissive import permissive
 
@@ -353,7 +353,8 @@ def _starts(first: np.ndarray, precision: np.ndarray, starts: int, seed: int) ->
     if starts == 1:
         return first[None]
     spread = np.where(precision > 0.0, 1.0 / np.sqrt(np.maximum(precision, 1e-300)), SPREAD)
-    drawn = np.asarray(jax.random.normal(jax.random.key(seed), (starts - 1, first.size)))
+    with randomness.ordered():
+        drawn = np.asarray(jax.random.normal(randomness.key(seed), (starts - 1, first.size)))
     return np.concatenate([first[None], first[None] + spread[None] * drawn])
 
 

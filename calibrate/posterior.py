@@ -16,7 +16,7 @@ from jax import Array
 
 from calibrate.fit import Fit
 from calibrate.identify import identify, information
-from mrjax import InputError
+from mrjax import InputError, randomness
 from mrjax.checkpoint import Checkpoint, refuse_foreign
 from mrjax.permissive import permissive
 
@@ -101,8 +101,8 @@ def posterior(
         _, drawn = jax.lax.scan(step, state, jax.random.split(drawing, samples))
         return drawn
 
-    with permissive():
-        keys = jax.random.split(jax.random.key(seed), CHAINS)
+    with permissive(), randomness.ordered():
+        keys = jax.random.split(randomness.key(seed), CHAINS)
         drawn, divergent = jax.jit(jax.vmap(chain))(keys)
         logs = best + drawn @ whitened.T
         r_hat = blackjax.diagnostics.potential_scale_reduction(logs)

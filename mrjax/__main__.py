@@ -117,14 +117,14 @@ def simulate(
     as_json: bool,
 ) -> None:
     """Runs a recipe and writes what was observed."""
+    began = time.perf_counter()
+    commands.start_jax(dtype, devices=distributed is None)
     import jax
 
     import mrjax
     from mrjax import checks, figures, files, processes, timestep, validity
     from mrjax.resume import kept
 
-    began = time.perf_counter()
-    commands.start_jax(dtype)
     if distributed is not None:
         if duration is not None:
             raise click.UsageError("--distributed divides an --ensemble: leave out --duration")
@@ -355,10 +355,10 @@ def new(file: Path) -> None:
 @commands.json_option
 def check(recipe: str, quiet: bool, as_json: bool) -> None:
     """Prints what follows from a recipe."""
+    commands.start_jax("float64")
     import mrjax
     from mrjax import derived, files
 
-    commands.start_jax("float64")
     sheet = mrjax.Recipe.load(recipe)
     quantities, warnings = derived.derived(sheet), derived.warnings(sheet)
     for warning in warnings:
@@ -418,6 +418,7 @@ def reproduce(
     as_json: bool,
 ) -> None:
     """Runs the paper's three cases and writes the comparison."""
+    commands.start_jax(dtype)
     import mrjax
     from mrjax import files, paper_figures
     from mrjax import reproduce as paper
@@ -427,7 +428,6 @@ def reproduce(
         if not quiet:
             commands.echo(text, err=True)
 
-    commands.start_jax(dtype)
     folder = files.result_folder(Path(out))
     work = dict(command="reproduce", ensemble=ensemble, seed=seed, dtype=dtype)
     with kept(folder, resume, quiet, **work) as checkpoint:

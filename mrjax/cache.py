@@ -23,6 +23,8 @@ def keep() -> None:
     """
     if not jax.config.jax_enable_compilation_cache:  # type: ignore[attr-defined] # made at run time
         return
+    # A disk may be full, now or later.
+    warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache")
     # Most programs are small, and many.
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     if jax.config.jax_compilation_cache_dir:  # type: ignore[attr-defined] # likewise
@@ -35,8 +37,6 @@ def keep() -> None:
         _mend(folder)
     except OSError:
         return
-    # A disk may be full later.
-    warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache")
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_compilation_cache_max_size", MOST_BYTES)
 

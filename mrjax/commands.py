@@ -161,13 +161,23 @@ def sheet_names(package: str) -> Callable[..., list[CompletionItem]]:
     return complete
 
 
-def start_jax(dtype: str) -> None:
-    """Makes `dtype` JAX's default for the rest of the process, and keeps what it compiles."""
-    import jax
+def start_jax(dtype: str, devices: bool = True) -> None:
+    """Makes `dtype` JAX's default for the rest of the process, and keeps what it compiles.
 
+    Comes before all that imports JAX.
+
+    Args:
+      dtype: float64 or float32.
+      devices: whether to have JAX find its devices now.
+
+    Raises:
+      InputError: an environment variable that JAX cannot use.
+    """
+    from mrjax import environment
+
+    environment.start_jax(dtype, devices)
     from mrjax import cache
 
-    jax.config.update("jax_enable_x64", dtype == "float64")
     cache.keep()
 
 

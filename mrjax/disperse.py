@@ -14,7 +14,7 @@ import numpy as np
 from jax import Array, lax
 from jax.typing import DTypeLike
 
-from mrjax import neighbours, particle
+from mrjax import neighbours, particle, randomness
 from mrjax._jax_md import minimize
 from mrjax.box import Box
 from mrjax.errors import InputError
@@ -34,7 +34,8 @@ SKIN = 1.0
 def disperse(recipe: Recipe, seed: int = 0, *, dtype: DTypeLike = float) -> State:
     """The suspension of a recipe, well mixed and at rest: N from its weight fractions.
 
-    The same seed gives the same suspension on the same machine.
+    The same seed gives the same suspension on the same machine, whatever generator of random
+    numbers JAX is set to.
 
     Args:
       recipe: the lab sheet.
@@ -53,7 +54,7 @@ def disperse(recipe: Recipe, seed: int = 0, *, dtype: DTypeLike = float) -> Stat
     particles = recipe.particle_count
     radius = np.broadcast_to(np.asarray(particle.outer_radius(parameters)), (particles,))
     unit = float(radius.max())
-    position = _spread(jax.random.key(seed), recipe.box.scaled(1 / unit), radius / unit)
+    position = _spread(randomness.key(seed), recipe.box.scaled(1 / unit), radius / unit)
     if position is None:
         size = " x ".join(f"{1e6 * length:.3g}" for length in recipe.box.size)
         raise InputError(
@@ -67,7 +68,8 @@ def disperse(recipe: Recipe, seed: int = 0, *, dtype: DTypeLike = float) -> Stat
 def _spread(key: Array, box: Box, radius: np.ndarray) -> np.ndarray | None:
     """Centres of spheres that do not touch, (N, 3); None where none were found."""
     margin = np.where(box.periodic, 0.0, radius[:, None])
-    room = np.asarray(jax.random.uniform(key, (radius.size, 3), radius.dtype))
+    with randomness.ordered():
+        room = np.asarray(jax.random.uniform(key, (radius.size, 3), radius.dtype))
     position = margin + room * (np.asarray(box.size, radius.dtype) - 2.0 * margin)
     plan = neighbours.plan(box, radius.size, 2.0, particle.typical_diameter(radius), SKIN)
     for _ in range(MOST_REBUILDS):

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
-from mrjax import contact, friction
+from mrjax import contact, friction, randomness
 from mrjax.leapfrog import Kick
 from mrjax.pairs import Pairs
 from mrjax.pairwise import pairwise
@@ -28,7 +28,8 @@ class Swing(NamedTuple):
 
 def unknown(particles: int, dtype) -> Swing:
     """Before a first bed has been seen: neighbours move apart, in no order."""
-    mode = jax.random.normal(jax.random.key(0), (6, particles), dtype)
+    with randomness.ordered():
+        mode = jax.random.normal(randomness.key(0), (6, particles), dtype)
     return Swing(mode, jnp.zeros((), dtype))
 
 
