@@ -150,7 +150,8 @@ def cli(
     folder = files.result_folder(Path(out))
     options: dict[str, Any] = dict(begin_with=begin_with, starts=starts, seed=seed, robust=robust)
     work = dict(command="fit", experiment=loaded, model=model, **options, dtype=dtype)
-    with kept(folder, resume, quiet, **work) as checkpoint:
+    writes = ["fit.json", "report.md", "report.html"]
+    with kept(folder, resume, quiet, writes, **work) as checkpoint:
         try:
             problem, fitted = calibrated(
                 loaded, model, **options, progress=not quiet, checkpoint=checkpoint / "fit"

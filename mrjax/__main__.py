@@ -122,7 +122,7 @@ def simulate(
     import jax
 
     import mrjax
-    from mrjax import checks, figures, files, processes, timestep, validity
+    from mrjax import checks, figures, files, processes, results, timestep, validity
     from mrjax.resume import kept
 
     if distributed is not None:
@@ -153,9 +153,12 @@ def simulate(
         command="simulate", recipe=sheet, duration=duration, time_step=time_step, frames=frames
     )
     work |= dict(overlap=overlap, ensemble=ensemble, seed=seed, dtype=dtype, trajectory=recorded)
+    writes = ["summary.json", "curve.csv", "run.npz", "settling.png"]
     # Processes keep nothing: each would have to be stopped at the same part.
-    keeping = nullcontext() if distributed else kept(folder, resume, quiet, **work)
-    with keeping as checkpoint:
+    keeping = nullcontext() if distributed else kept(folder, resume, quiet, writes, **work)
+    if distributed:
+        processes.by_first(lambda: results.Results.of(folder).refuse_foreign(writes))
+    with results.guarded(folder) if distributed else nullcontext(), keeping as checkpoint:
         start = mrjax.disperse(sheet, seed)
         rise = mrjax.follow(
             start,
@@ -430,7 +433,8 @@ def reproduce(
 
     folder = files.result_folder(Path(out))
     work = dict(command="reproduce", ensemble=ensemble, seed=seed, dtype=dtype)
-    with kept(folder, resume, quiet, **work) as checkpoint:
+    writes = ["reproduce.json", "reproduce.md"]
+    with kept(folder, resume, quiet, writes, **work) as checkpoint:
         runs = paper.simulated(seed, ensemble, report, checkpoint)
         report("settling case2 at its viscosity")
         settled = mrjax.sedimentation(

@@ -25,17 +25,19 @@ from typing import Any, Literal
 import jax
 import numpy as np
 from jax.typing import ArrayLike
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel
 
-from mrjax import cache, files, npz
-from mrjax.errors import InputError, shown
+from mrjax import cache, files, markers, npz
+from mrjax.errors import InputError
+from mrjax.markers import ForeignError, Strict
 from mrjax.npz import DamagedError
+from mrjax.text import in_message
 
 MARKER = "mrjax-checkpoint.json"
 """Makes a folder a checkpoint, and says of what work."""
 OLD_MARKER = "of.json"
-MOST_MARKER = 2**24
-"""Bytes of it."""
+KIND: Literal["mrjax checkpoint"] = "mrjax checkpoint"
+FORM: Literal[1] = 1
 PACKAGES = ("mrjax", "jax", "jaxlib", "llvmlite", "numpy", "scipy")
 """Those on whose versions digits hang."""
 LISTED = 5
@@ -46,20 +48,20 @@ LOG = logging.getLogger("mrjax")
 Arrays = dict[str, np.ndarray]
 
 
-class _Marker(npz.Metadata):
+class _Marker(Strict):
     """What the marker says."""
 
-    kind: Literal["mrjax checkpoint"] = "mrjax checkpoint"
-    form: Literal[1] = 1
+    kind: Literal["mrjax checkpoint"]
+    form: Literal[1]
     work: dict[str, str]
     digest: str
     done: bool = False  # what is left of it is to be taken away
 
 
-class _Told(npz.Metadata):
+class _Told(Strict):
     """What a piece says of itself."""
 
-    kind: Literal["mrjax piece"] = "mrjax piece"
+    kind: Literal["mrjax piece"]
     work: str
     name: str
     previous: str | None
@@ -133,7 +135,7 @@ class Checkpoint:
         if marker is not None:
             _clear(self.folder, keeping=True)
         self.folder.mkdir(parents=True, exist_ok=True)
-        _mark(self.folder, _Marker(work=self.work, digest=self.digest))
+        _mark(self.folder, _Marker(kind=KIND, form=FORM, work=self.work, digest=self.digest))
         _clear_scratch(self.folder)
 
     def kept(self, name: str) -> tuple[Arrays, dict[str, Any]] | None:
@@ -144,7 +146,7 @@ class Checkpoint:
         try:
             piece = self._read(name)
         except DamagedError as error:
-            LOG.warning("%s; it is computed again", error)
+            LOG.warning("%s; it is computed again", in_message(str(error)))
             return None
         return None if piece is None else (piece.arrays, piece.told.metadata)
 
@@ -190,7 +192,14 @@ class Checkpoint:
         numbers = {key: np.asarray(array) for key, array in arrays.items()}
         extra = files.plain(dict(metadata))
         found = self._digest(name, previous, numbers, extra)
-        told = _Told(work=self.digest, name=name, previous=previous, digest=found, metadata=extra)
+        told = _Told(
+            kind="mrjax piece",
+            work=self.digest,
+            name=name,
+            previous=previous,
+            digest=found,
+            metadata=extra,
+        )
         self.claim()
         path = self._path(name)
         _is_file(path)
@@ -233,7 +242,9 @@ class Sequence:
             count = _count(state)
             if count <= len(pieces) and state.told.previous == digests[count - 1]:
                 if fault:
-                    LOG.warning("%s; the work goes on after the %d before", fault, count)
+                    LOG.warning(
+                        "%s; the work goes on after the %d before it", in_message(fault), count
+                    )
                 self._digests = digests[:count]
                 return [piece.arrays for piece in pieces[:count]], state.arrays
         if states or self._later_than_first():
@@ -283,7 +294,7 @@ class Sequence:
         try:
             state = self._checkpoint._read(self._state_name(place))
         except DamagedError as error:
-            LOG.warning("%s; it is not used", error)
+            LOG.warning("%s; it is not used", in_message(str(error)))
             return None
         return state if state is None or _count(state) % 2 == place else None
 
@@ -329,14 +340,14 @@ def _opened(folder: Path) -> _Marker | None:
         kind = "a link" if stat.S_ISLNK(mode) else "no folder"
         raise InputError(f"{folder}: is {kind}, and no checkpoint that mrjax made; {advice}")
     try:
-        names = os.listdir(folder)
-        if MARKER in names:
-            return _marker(folder)
+        if (marker := _marker(folder)) is not None:
+            return marker
+        old, ours = (folder / OLD_MARKER).exists(), _only_ours(folder)
     except OSError as error:
         raise InputError(f"{folder}: cannot be read ({error.strerror}); {advice}") from None
-    if OLD_MARKER in names:
+    if old:
         raise InputError(f"{folder}: is a checkpoint of an earlier version; {advice}")
-    if not _only_ours(folder):
+    if not ours:
         raise InputError(f"{folder}: is no checkpoint that mrjax made, and not empty; {advice}")
     return None
 
@@ -365,11 +376,14 @@ def remove(folder: Path) -> list[str]:
     marker = _marker_or_none(folder)
     if marker is None:
         return []
-    with suppress(OSError):
-        if not marker.done:  # what is half removed must not be taken for a checkpoint
+    if not marker.done:
+        with suppress(OSError):  # what is half removed must not be taken for a checkpoint
             _mark(folder, marker.model_copy(update={"done": True}))
+    with suppress(OSError):
         _clear(folder)
-    return sorted(os.listdir(folder)) if folder.is_dir() else []
+    if not folder.is_dir() or os.path.lexists(folder / MARKER):
+        return []
+    return sorted(os.listdir(folder))
 
 
 def digest(*arrays: ArrayLike) -> str:
@@ -394,29 +408,23 @@ def _tag(digest: str) -> str:
     return digest[:12]
 
 
-def _marker(folder: Path) -> _Marker:
-    """What a folder's marker says.
+def _marker(folder: Path) -> _Marker | None:
+    """What a folder's marker says; None where there is none.
 
     Raises:
       InputError: it is none of ours, or damaged.
     """
     path = folder / MARKER
-    reason = "it is no file"
-    if stat.S_ISREG(path.lstat().st_mode):
-        with path.open("rb") as file:
-            text = file.read(MOST_MARKER + 1)
-        try:
-            marker = _Marker.model_validate_json(text)
-        except ValidationError as error:
-            reason = error.errors()[0]["msg"][:100]
-        else:
-            if len(text) <= MOST_MARKER and marker.digest == _digest_of_work(marker.work):
-                return marker
-            reason = "its digest is of other work"
-    raise InputError(
-        f"{path}: is no marker that mrjax wrote, or damaged ({shown(reason)}); the folder is not "
-        "touched: give another, or take it away"
-    )
+    try:
+        marker = markers.read(path, _Marker)
+        if marker is not None and marker.digest != _digest_of_work(marker.work):
+            raise ForeignError("its digest is of other work")
+        return marker
+    except ForeignError as error:
+        raise InputError(
+            f"{path}: is no marker that mrjax wrote, or damaged ({error}); the folder is not "
+            "touched: give another, or take it away"
+        ) from None
 
 
 def _marker_or_none(folder: Path) -> _Marker | None:

@@ -140,7 +140,8 @@ def write_new(texts: dict[Path, str]) -> None:
         if os.path.lexists(path):
             raise InputError(f"{path}: is there already; give another name")
     for path, text in texts.items():
-        files.write_text(path, text)
+        with refusals.writing(path):
+            files.create_text(path, text)
 
 
 def sheet_names(package: str) -> Callable[..., list[CompletionItem]]:

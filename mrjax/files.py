@@ -7,8 +7,9 @@ import os
 import re
 import tempfile
 import warnings
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -27,6 +28,8 @@ MOST_DOTS, MOST_DOTS_IN_ALL = 60_000, 1e8
 """Along a side, and of a whole figure: matplotlib draws no more than 65,535 along a side."""
 SCRATCH = ".mrjax-"
 """How the names of scratch files begin."""
+WATCHING: ContextVar[Callable[[Path, Path], None] | None] = ContextVar("watching", default=None)
+"""Called with the names of a file and of the scratch file about to replace it; it may refuse."""
 
 
 def result_folder(path: Path) -> Path:
@@ -63,6 +66,8 @@ def replacing(path: Path) -> Iterator[Path]:
             yield scratch
             os.chmod(scratch, 0o666 & ~_umask())
             _flush(scratch)
+            if (watching := WATCHING.get()) is not None:
+                watching(path, scratch)
             os.replace(scratch, path)
         finally:
             with suppress(OSError):
@@ -80,6 +85,21 @@ def write_text(path: Path, text: str) -> None:
     """Replaces a file at once."""
     with replacing(path) as scratch:
         scratch.write_text(text, encoding="utf-8", newline="")
+
+
+def create_text(path: Path, text: str) -> None:
+    """Writes a file that is not there yet.
+
+    Raises:
+      FileExistsError: it is, or a link of that name.
+    """
+    with path.open("x", encoding="utf-8", newline="") as file:
+        try:
+            file.write(text)
+            file.flush()
+        except OSError:
+            path.unlink()
+            raise
 
 
 def as_json(value: Any, ascii_only: bool = False) -> str:

@@ -17,10 +17,11 @@ from typing import Any, Generic, TypeVar
 
 import numpy as np
 from jax.typing import ArrayLike
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel
 
 from mrjax import files
-from mrjax.errors import InputError, shown, shown_key
+from mrjax.errors import InputError, shown
+from mrjax.markers import ForeignError, parsed
 
 METADATA = "metadata"
 """Entry of a file that says in JSON what its arrays are."""
@@ -48,12 +49,6 @@ M = TypeVar("M", bound=BaseModel)
 
 class DamagedError(Exception):
     """A file that is not what mrjax wrote."""
-
-
-class Metadata(BaseModel):
-    """What JSON tells: numbers are finite, and of no other kind than they are said to be."""
-
-    model_config = ConfigDict(strict=True, allow_inf_nan=False, extra="forbid")
 
 
 @dataclass(frozen=True)
@@ -303,11 +298,9 @@ def _metadata(archive: zipfile.ZipFile, entry: _Entry, schema: Schema[M]) -> M:
     raw = b"".join(_unpacked(archive, entry))
     byte_order = "utf-32-be" if entry.dtype.str.startswith(">") else "utf-32-le"
     try:
-        return schema.metadata.model_validate_json(raw.decode(byte_order).rstrip("\0"))
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = "".join(f" {shown_key(key)}:" for key in first["loc"])
-        raise DamagedError(f"its metadata:{place} {first['msg'][:100]}") from None
+        return parsed(raw.decode(byte_order).rstrip("\0"), schema.metadata)
+    except ForeignError as error:
+        raise DamagedError(f"its metadata: {error}") from None
 
 
 def _numbers(archive: zipfile.ZipFile, entry: _Entry) -> np.ndarray:

@@ -12,6 +12,7 @@ from pydantic import PositiveFloat, PositiveInt
 from mrjax import npz, state_file
 from mrjax.box import Box
 from mrjax.errors import InputError
+from mrjax.markers import Strict
 from mrjax.run import Run
 from mrjax.trajectory import Trajectory
 
@@ -30,7 +31,7 @@ OF_EACH = {"position_m": "position", "velocity_m_per_s": "velocity", "spin_rad_p
 """Fields of `Trajectory`, and of `State`, where it is the last."""
 
 
-class Metadata(npz.Metadata):
+class Metadata(Strict):
     """What a file says of its run."""
 
     box_size_m: tuple[PositiveFloat, PositiveFloat, PositiveFloat]

@@ -12,13 +12,14 @@ from pydantic import FiniteFloat, PositiveFloat
 from mrjax import npz
 from mrjax.errors import InputError
 from mrjax.history import WALLS, Contacts
+from mrjax.markers import Strict
 from mrjax.state import State
 
 
-class Metadata(npz.Metadata):
+class Metadata(Strict):
     """What a file says of its state."""
 
-    kind: Literal["mrjax state"] = "mrjax state"
+    kind: Literal["mrjax state"]
     time_s: FiniteFloat
     contact_diameter_m: PositiveFloat | None
 
@@ -47,15 +48,21 @@ def save_state(path: str | Path, state: State, time: float = 0.0) -> None:
       time: of the state, s.
 
     Raises:
-      InputError: another ending, or a state of several runs.
+      InputError: another ending, a state of several runs, or one that is not finite.
     """
     path = npz.named(path)
     if state.position.ndim != 2:
         raise InputError(
             "these are states of several runs: give one, jax.tree.map(lambda leaf: leaf[0], state)"
         )
-    told = Metadata(time_s=float(time), contact_diameter_m=state.contact_diameter)
-    npz.write(path, arrays(state), told.model_dump())
+    found = arrays(state)
+    for name, array in (found | {"time": np.asarray(time)}).items():
+        if not np.isfinite(array).all():
+            raise InputError(f"{name} is not finite everywhere: such a state is no start of a run")
+    told = Metadata(
+        kind="mrjax state", time_s=float(time), contact_diameter_m=state.contact_diameter
+    )
+    npz.write(path, found, told.model_dump())
 
 
 def load_state(path: str | Path, *, max_bytes: int = npz.MAX_BYTES) -> State:

@@ -5,20 +5,35 @@ micrometres in metres would be one.
 """
 
 import json
+import os
+import stat
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
 from jax.typing import ArrayLike
+from pydantic import NonNegativeInt
 
-from mrjax import files, refusals
+from mrjax import files, markers, refusals
 from mrjax.errors import InputError
+from mrjax.markers import ForeignError, Strict
 from mrjax.run import Run
 
 PER_METRE = 1e6
 """Micrometres."""
+OWN = "mrjax-frames.json"
+"""In a folder of frames: how many of them mrjax wrote."""
+
+
+class _Own(Strict):
+    kind: Literal["mrjax frames"]
+    frames: NonNegativeInt
+
+    @classmethod
+    def of(cls, frames: int) -> "_Own":
+        return cls(kind="mrjax frames", frames=frames)
 
 
 def write_gsd(path: str | Path, run: Run, metadata: Mapping[str, Any]) -> None:
@@ -72,7 +87,8 @@ def write_gsd(path: str | Path, run: Run, metadata: Mapping[str, Any]) -> None:
 def write_vtk(path: str | Path, run: Run) -> None:
     """A trajectory as a `.pvd` file, which lists a `.vtu` file for each recorded time.
 
-    Those are in a folder of the same name beside it. Points are the centres (um), in the box on
+    Those are in a folder of the same name beside it, where `mrjax-frames.json` says how many of
+    them are ours; others are not touched. Points are the centres (um), in the box on
     periodic axes; of each there is `radius_um`, `velocity_um_per_s`, `spin_rad_per_s`, `id`, its
     row in the arrays of the run, and `material` where there are several, in the run's precision.
 
@@ -81,7 +97,7 @@ def write_vtk(path: str | Path, run: Run) -> None:
       run: one that recorded its trajectory.
 
     Raises:
-      InputError: a run without a trajectory, or another ending.
+      InputError: a run without a trajectory, another ending, or files of others in that folder.
       SystemRefusal: a file or the folder cannot be written.
       SimulationError: the run is not to be trusted.
     """
@@ -101,11 +117,11 @@ def write_vtk(path: str | Path, run: Run) -> None:
     if path.suffix != ".pvd":
         raise InputError(f"{path}: give a name that ends in .pvd")
     frames = path.with_suffix("")
+    before = _refuse_foreign(frames, len(position))
     with refusals.writing(frames):
         frames.mkdir(exist_ok=True)
-        path.unlink(missing_ok=True)  # what it lists is about to change
-        for old in frames.glob(f"{'[0-9]' * 6}.vtu"):
-            old.unlink()
+    files.write_text(path, _listed([]))  # what it listed is about to change
+    files.write_json(frames / OWN, _Own.of(max(before, len(position))).model_dump())
     lines = []
     for number, time in enumerate(np.asarray(run.times, float)):
         moving = {
@@ -117,11 +133,41 @@ def write_vtk(path: str | Path, run: Run) -> None:
             pointsToVTK(str(scratch.with_suffix("")), *_columns(centres[number]), moving | of_each)
         name = quoteattr(f"{frames.name}/{frame.name}")
         lines.append(f'    <DataSet timestep="{float(time)!r}" part="0" file={name}/>\n')
-    files.write_text(
-        path,
+    for number in range(len(position), before):
+        (frames / f"{number:06d}.vtu").unlink(missing_ok=True)
+    files.write_json(frames / OWN, _Own.of(len(position)).model_dump())
+    files.write_text(path, _listed(lines))
+
+
+def _listed(lines: list[str]) -> str:
+    """The list of frames, as ParaView has it."""
+    return (
         '<?xml version="1.0"?>\n<VTKFile type="Collection" version="0.1">\n  <Collection>\n'
-        f"{''.join(lines)}  </Collection>\n</VTKFile>\n",
+        f"{''.join(lines)}  </Collection>\n</VTKFile>\n"
     )
+
+
+def _refuse_foreign(folder: Path, frames: int) -> int:
+    """Passes where a folder has no files of frames but ours; how many there may be of those.
+
+    Raises:
+      InputError: something else is there.
+    """
+    if os.path.lexists(folder) and not stat.S_ISDIR(folder.lstat().st_mode):
+        raise InputError(f"{folder}: cannot be made (it is no folder); give another name")
+    try:
+        own = (markers.read(folder / OWN, _Own) or _Own.of(0)).frames
+    except ForeignError as error:
+        raise InputError(
+            f"{folder / OWN}: is not as mrjax wrote it ({error}); give another name"
+        ) from None
+    for number in range(own, frames):
+        if os.path.lexists(frame := folder / f"{number:06d}.vtu"):
+            raise InputError(
+                f"{frame}: is not of mrjax, and is not overwritten; give another name, or take it "
+                "away"
+            )
+    return own
 
 
 def _moved(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

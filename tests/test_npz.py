@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from pydantic import ConfigDict
 
-from mrjax import InputError, npz
+from mrjax import InputError, markers, npz
 
 
-class Anything(npz.Metadata):
+class Anything(markers.Strict):
     """Any table."""
 
     model_config = ConfigDict(extra="allow")

@@ -185,7 +185,7 @@ def test_the_command_writes_table_and_figures(paper_runs, tmp_path, monkeypatch)
         assert again == number and name == f"figure-{number}.png"
         image = (tmp_path / name).read_bytes()
         assert image.startswith(b"\x89PNG") and len(image) > 20_000
-    assert len(list(tmp_path.iterdir())) == 2 + len(linked)
+    assert len(list(tmp_path.iterdir())) == 3 + len(linked)  # and the list of them
 
 
 def test_figure_2_shows_the_data_and_the_laws():

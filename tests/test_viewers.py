@@ -135,6 +135,7 @@ def test_vtk_has_every_bit(run, tmp_path):
     assert sorted(one.name for one in (tmp_path / "one two & three").iterdir()) == [
         "000000.vtu",
         "000001.vtu",
+        "mrjax-frames.json",
     ]
 
 
