@@ -6,7 +6,6 @@ micrometres in metres would be one.
 
 import json
 import os
-import stat
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -153,8 +152,10 @@ def _refuse_foreign(folder: Path, frames: int) -> int:
     Raises:
       InputError: something else is there.
     """
-    if os.path.lexists(folder) and not stat.S_ISDIR(folder.lstat().st_mode):
-        raise InputError(f"{folder}: cannot be made (it is no folder); give another name")
+    if folder.is_symlink():
+        raise InputError(f"{folder}: is a link, and is not followed; give another name")
+    if not folder.is_dir():
+        return 0
     try:
         own = (markers.read(folder / OWN, _Own) or _Own.of(0)).frames
     except ForeignError as error:
