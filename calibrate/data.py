@@ -205,15 +205,15 @@ class Experiment:
         """
         table, path = sheets.read(source, "calibrate.experiments", "experiment")
         sheet = sheets.validated(ExperimentSheet, table, str(source))
-        samples = tuple(_sample(sample, path.parent, str(source)) for sample in sheet.sample)
+        recipes: dict[Path, Recipe] = {}
+        samples = tuple(
+            _sample(sample, path.parent, str(source), recipes) for sample in sheet.sample
+        )
         _refuse_a_file_twice(sheet, path.parent, str(source))
         warnings = tuple(_odd_readings(sheet, samples, str(source)))
         names = [sample.name for sample in samples]
         given = Counter(parameter.name for parameter in sheet.parameter)
-        for parameter in sheet.parameter:
-            for sample in samples:
-                if sample.name in (parameter.samples or names):
-                    _refuse(parameter.name, sample, sheet, str(source))
+        _refuse_parameters(sheet, samples, str(source))
         found = cls(
             sheet.name,
             samples,
@@ -258,21 +258,31 @@ class Experiment:
         return suspension(sample.recipe, bed, held | changes)
 
 
-def _refuse(name: str, sample: Sample, sheet: ExperimentSheet, source: str) -> None:
-    """Passes where the sample has the quantity, once."""
-    at = f"{source}: parameter.name = {shown(name)}: sample {shown(sample.name)}"
-    try:
-        refuse_unknown(name, sample.recipe)
-    except InputError as error:
-        raise InputError(f"{at}: {error}") from None
-    of_sample = {
-        one.name for one in sheet.parameter if not one.samples or sample.name in one.samples
-    }
-    if name == "f_w" and (clash := sorted(one for one in of_sample if one.startswith(CLOSURE))):
-        raise InputError(f"{at}: f_w follows from {clash[0]}; fit one of the two")
+def _refuse_parameters(sheet: ExperimentSheet, samples: tuple["Sample", ...], source: str) -> None:
+    """Passes where each sample has what is fitted of it, once."""
+    of: dict[str, list[str]] = {sample.name: [] for sample in samples}
+    for parameter in sheet.parameter:
+        for name in parameter.samples or of:
+            of[name].append(parameter.name)
+    made = {id(sample.recipe): sample.recipe for sample in samples}
+    leaves = {key: recipe.parameters() for key, recipe in made.items()}
+    for sample in samples:
+        for name in of[sample.name]:
+            try:
+                refuse_unknown(name, sample.recipe, leaves[id(sample.recipe)])
+                _refuse_twice(name, sample, of[sample.name])
+            except InputError as error:
+                at = f"parameter.name = {shown(name)}: sample {shown(sample.name)}"
+                raise InputError(f"{source}: {at}: {error}") from None
+
+
+def _refuse_twice(name: str, sample: Sample, names: list[str]) -> None:
+    """Passes where no other of the names, nor the sample itself, says the same."""
+    if name == "f_w" and (clash := sorted(one for one in names if one.startswith(CLOSURE))):
+        raise InputError(f"f_w follows from {clash[0]}; fit one of the two")
     if name == BED and sample.bed_fraction is not None:
         raise InputError(
-            f"{at}: has bed_fraction = {sample.bed_fraction!r} of its own; take one of them away"
+            f"has bed_fraction = {sample.bed_fraction!r} of its own; take one of them away"
         )
 
 
@@ -304,10 +314,14 @@ def _odd_readings(
             yield from (f"sample {sample.name!r}: {odd}" for odd in said)
 
 
-def _sample(sheet: SampleSheet, folder: Path, source: str) -> Sample:
+def _sample(sheet: SampleSheet, folder: Path, source: str, recipes: dict[Path, Recipe]) -> Sample:
+    """A sample, with its recipe from those that were read already, or else put there."""
     beside = folder / sheet.recipe
     try:
-        recipe = Recipe.load(beside if reading.is_file(beside) else sheet.recipe)
+        if beside not in recipes:
+            read_from = beside if reading.is_file(beside) else sheet.recipe
+            recipes[beside] = Recipe.load(read_from)
+        recipe = recipes[beside]
     except InputError as error:
         raise InputError(f"{source}: sample {shown(sheet.name)}: recipe {error}") from None
     measured = []

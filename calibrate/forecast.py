@@ -195,7 +195,7 @@ def like(experiment: Experiment, recipe: Recipe, name: str) -> tuple[Experiment,
 
 def _refuse_another_meaning(name: str, recipe: Recipe, fitted: Recipe) -> None:
     try:
-        refuse_unknown(name, recipe)
+        refuse_unknown(name, recipe, recipe.parameters())
     except InputError as error:
         raise InputError(f"{name} was fitted, but for {recipe.name}: {error}") from None
     of = [None if one.closure is None else one.closure.func for one in (recipe, fitted)]

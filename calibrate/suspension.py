@@ -69,8 +69,12 @@ def suspension(
     )
 
 
-def refuse_unknown(name: str, recipe: Recipe) -> None:
+def refuse_unknown(name: str, recipe: Recipe, parameters: Parameters) -> None:
     """Passes where the name is a quantity of this recipe that can be one number.
+
+    Args:
+      name: of the quantity.
+      recipe, parameters: the lab sheet, and what it gives.
 
     Raises:
       InputError: it is none: what is wrong, and what is known.
@@ -93,7 +97,7 @@ def refuse_unknown(name: str, recipe: Recipe) -> None:
             f"no such quantity; {did_you_mean(name, [*known, *LEAVES])}known: {', '.join(known)}, "
             "and the other leaves of mrjax.Parameters"
         )
-    if jnp.ndim(getattr(recipe.parameters(), name)):
+    if jnp.ndim(getattr(parameters, name)):
         raise InputError(
             f"the recipe {recipe.name} has more than one value of it, for sizes or surfaces; fit "
             "another"

@@ -156,7 +156,9 @@ def sheet_names(package: str) -> Callable[..., list[CompletionItem]]:
         from mrjax import sheets
 
         names = [*sorted(sheets.bundled(package)), *sorted(map(str, Path().glob("*.toml")))]
-        found = [CompletionItem(name) for name in names if name.startswith(begun)]
+        # One that is no line of text would be another answer to the shell.
+        fits = [name for name in names if name.startswith(begun) and name.isprintable()]
+        found = [CompletionItem(name) for name in fits]
         return found or [CompletionItem(begun, type="file")]
 
     return complete

@@ -248,3 +248,22 @@ def test_many_samples_are_refused_before_each_is_looked_at(tmp_path):
     (tmp_path / "e.toml").write_text(EXPERIMENT + '[[sample]]\nname = "B"\n' * 5000)
     message = refusal(Experiment.load, tmp_path / "e.toml")
     assert "sample" in message and "at most 1000" in message
+
+
+def test_a_recipe_of_many_samples_is_read_once(tmp_path, monkeypatch):
+    recipes, parameters = [], []
+    load, of = Recipe.load, Recipe.parameters
+    monkeypatch.setattr(Recipe, "load", lambda source: recipes.append(source) or load(source))
+    monkeypatch.setattr(Recipe, "parameters", lambda self: parameters.append(self) or of(self))
+    monkeypatch.setattr("calibrate.sense.oddities", lambda _experiment: ())
+    sample = '[[sample]]\nname = "{}"\nrecipe = "case2"\nfinal_ratio = {{value = 0.8, ' + (
+        "standard_deviation = 0.1}}\n"
+    )
+    fitted = '[[parameter]]\nname = "{}"\nmedian = 1.1\n'
+    (tmp_path / "e.toml").write_text(
+        'name = "e"\n'
+        + "".join(map(sample.format, range(300)))
+        + "".join(map(fitted.format, ("f_s", "f_v", "viscosity")))
+    )
+    assert len(Experiment.load(tmp_path / "e.toml").samples) == 300
+    assert (len(recipes), len(parameters)) == (1, 1)

@@ -458,6 +458,16 @@ def test_new_files_never_take_the_place_of_others(tmp_path, capsys, monkeypatch)
     assert Path("dangling.toml").is_symlink() and Path("pipe.toml").is_fifo()
 
 
+def test_a_shell_completes_no_file_whose_name_is_more_than_a_line(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in NAMES.values():
+        if len(name) < 200 and "/" not in name and "\x00" not in name:
+            Path(f"a{name}.toml").touch()
+    complete = commands.sheet_names("mrjax.recipes")
+    found = [one.value for one in complete(None, None, "a")]
+    assert "a$x.toml" in found and all(name.isprintable() for name in found)
+
+
 def sweep(kinds: dict[str, str], folder) -> None:
     """Fits an experiment of each name by command line, and looks at all it writes."""
     templates: list[list] = []
