@@ -113,8 +113,10 @@ def write_vtk(path: str | Path, run: Run) -> None:
     if run.state.material is not None:
         of_each["material"] = np.asarray(run.state.material)
     path = Path(path)
-    if path.suffix != ".pvd" or not path.name.isprintable():  # XML has no form for others
-        raise InputError(f"{path}: give a printable name that ends in .pvd")
+    if path.suffix != ".pvd":
+        raise InputError(f"{path}: give a name that ends in .pvd")
+    if not path.name.isprintable():  # XML has no form for it
+        raise InputError(f"{path}: give a name of printable characters")
     frames = path.with_suffix("")
     before = _refuse_foreign(frames, len(position))
     with refusals.writing(frames):

@@ -173,6 +173,9 @@ def test_what_is_no_trajectory_is_refused(run, tmp_path):
         mrjax.save_run(tmp_path / "run", run, {})
     with pytest.raises(InputError, match=r"a: give a name that ends in \.pvd"):
         viewers.write_vtk(tmp_path / "a", run)
+    for name in ("a\x1b.pvd", "\udcff.pvd"):
+        with pytest.raises(InputError, match="give a name of printable characters"):
+            viewers.write_vtk(tmp_path / name, run)
     with pytest.raises(SystemRefusal, match="a: cannot be written"):
         viewers.write_vtk(tmp_path / "a.pvd", run)
     mrjax.npz.write(tmp_path / "other.npz", {"a": np.zeros(3)}, {})
