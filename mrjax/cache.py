@@ -53,6 +53,6 @@ def _mend(folder: Path) -> None:
 
     Where one entry lacks it, JAX finds no room for further ones.
     """
-    for entry in folder.glob("*-cache"):
+    for entry in folder.glob(f"*-{'[0-9a-f]' * 64}-cache"):  # JAX's names, and no others
         if not entry.with_name(entry.name.removesuffix("-cache") + "-atime").exists():
             entry.unlink(missing_ok=True)

@@ -18,7 +18,7 @@ import re
 import stat
 import sys
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, Literal
 
@@ -32,6 +32,11 @@ from mrjax.errors import InputError
 from mrjax.markers import ForeignError, Strict
 from mrjax.npz import DamagedError
 from mrjax.text import in_message
+
+try:
+    import fcntl
+except ImportError:  # not on Windows
+    fcntl = None  # type: ignore[assignment]
 
 MARKER = "mrjax-checkpoint.json"
 """Makes a folder a checkpoint, and says of what work."""
@@ -384,6 +389,27 @@ def remove(folder: Path) -> list[str]:
     if not folder.is_dir() or os.path.lexists(folder / MARKER):
         return []
     return sorted(os.listdir(folder))
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """A checkpoint for this process alone, where the file system can say so.
+
+    Raises:
+      InputError: another process is at work there.
+    """
+    with (folder / MARKER).open("rb") as marker:
+        if fcntl is not None:
+            try:
+                fcntl.flock(marker, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise InputError(
+                    f"{folder}: another process is at work there; wait for it, or give another "
+                    "folder"
+                ) from None
+            except OSError:  # some file systems have no locks
+                pass
+        yield
 
 
 def digest(*arrays: ArrayLike) -> str:

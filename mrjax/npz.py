@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Generic, TypeVar
 
+import jax
 import numpy as np
 from jax.typing import ArrayLike
 from pydantic import BaseModel
@@ -171,6 +172,22 @@ def examined(path: Path, schema: Schema[M], max_bytes: int) -> tuple[dict[str, n
         # they raise: zipfile and zlib alone have raised nine kinds.
         reason = f"{type(error).__name__}: {shown(str(error))}"
     raise DamagedError(f"{path}: is not a file that mrjax wrote, or damaged ({reason})")
+
+
+def refuse_beyond_single(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Passes where JAX, as it is set, takes all numbers for finite.
+
+    Raises:
+      InputError: it is set to single precision, which has no form for some.
+    """
+    if jax.config.jax_enable_x64:  # type: ignore[attr-defined] # made at run time
+        return
+    for name, array in arrays.items():
+        if array.size and np.abs(array).max() > np.finfo(np.float32).max:
+            raise InputError(
+                f"{path}: {name} is beyond single precision; call "
+                'jax.config.update("jax_enable_x64", True) first'
+            )
 
 
 def _parsed(file: Any, schema: Schema[M], max_bytes: int) -> tuple[dict[str, np.ndarray], M]:

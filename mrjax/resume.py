@@ -46,33 +46,41 @@ def kept(
                 "another --out, to begin anew"
             )
         Checkpoint.of_work(path, **work).claim()
-        if checkpoint.holds_anything(path) and not quiet:
-            commands.echo(f"Going on with what {path} keeps.", err=True)
-        ours.discard(LAST_GOOD)
-        try:
+        with checkpoint.locked(path), _leaving(path, ours):
+            if checkpoint.holds_anything(path) and not quiet:
+                commands.echo(f"Going on with what {path} keeps.", err=True)
+            ours.discard(LAST_GOOD)
             yield path
-        except SimulationError as error:
-            _remove(path)
-            if error.state is None or error.time is None:
-                raise
-            state_file.save_state(folder / LAST_GOOD, error.state, error.time)
-            raise SimulationError(
-                f"{error}; the last good state, of {error.time:.6g} s, is in {folder / LAST_GOOD}"
-            ) from None
-        except KeyboardInterrupt:
-            if checkpoint.holds_anything(path):
-                raise KeyboardInterrupt("go on with --resume") from None
+
+
+@contextmanager
+def _leaving(path: Path, ours: results.Results) -> Iterator[None]:
+    """What becomes of a checkpoint as its work ends, fails, or is stopped."""
+    last_good = ours.folder / LAST_GOOD
+    try:
+        yield
+    except SimulationError as error:
+        _remove(path)
+        if error.state is None or error.time is None:
             raise
-        except OSError as error:
-            line = refusals.in_one_line(error)
-            if checkpoint.holds_anything(path):
-                line = f"{line}; then go on with --resume"
-            raise SystemRefusal(line) from error
-        else:
+        state_file.save_state(last_good, error.state, error.time)
+        raise SimulationError(
+            f"{error}; the last good state, of {error.time:.6g} s, is in {last_good}"
+        ) from None
+    except KeyboardInterrupt:
+        if checkpoint.holds_anything(path):
+            raise KeyboardInterrupt("go on with --resume") from None
+        raise
+    except OSError as error:
+        line = refusals.in_one_line(error)
+        if checkpoint.holds_anything(path):
+            line = f"{line}; then go on with --resume"
+        raise SystemRefusal(line) from error
+    else:
+        _remove(path)
+    finally:
+        if not checkpoint.holds_anything(path):
             _remove(path)
-        finally:
-            if not checkpoint.holds_anything(path):
-                _remove(path)
 
 
 def _remove(path: Path) -> None:

@@ -115,6 +115,7 @@ def load_run(path: str | Path, *, max_bytes: int = npz.MAX_BYTES) -> tuple[Run, 
       InputError: no such file, or not of a run, or damaged, or larger.
     """
     arrays, told = npz.read(Path(path), SCHEMA, max_bytes)
+    npz.refuse_beyond_single(Path(path), arrays)
     if (np.diff(arrays["times_s"]) < 0.0).any():
         raise InputError(f"{path}: its times go back; give {SCHEMA.what}")
     found = {name: jnp.asarray(array) for name, array in arrays.items()}

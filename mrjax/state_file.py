@@ -79,6 +79,7 @@ def load_state(path: str | Path, *, max_bytes: int = npz.MAX_BYTES) -> State:
       InputError: no such file, one of something else, a damaged one, or a larger one.
     """
     stored, told = npz.read(Path(path), SCHEMA, max_bytes)
+    npz.refuse_beyond_single(Path(path), stored)
     return of_arrays(stored, told.contact_diameter_m)
 
 

@@ -101,10 +101,15 @@ def test_a_folder_that_cannot_be_written_to_is_no_fault(tmp_path):
 
 
 def test_what_was_written_by_half_is_taken_away(tmp_path):
-    for name in ("whole-cache", "whole-atime", "half-cache"):
+    whole, half = (f"jit_f-{digit * 64}" for digit in "0f")
+    for name in (f"{whole}-cache", f"{whole}-atime", f"{half}-cache", "mine-cache"):
         (tmp_path / name).write_text("")
     cache._mend(tmp_path)
-    assert {file.name for file in tmp_path.iterdir()} == {"whole-cache", "whole-atime"}
+    assert {file.name for file in tmp_path.iterdir()} == {
+        f"{whole}-cache",
+        f"{whole}-atime",
+        "mine-cache",  # of somebody else
+    }
 
 
 def test_a_search_is_one_program_whenever_the_collector_comes_by():

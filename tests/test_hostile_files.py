@@ -126,6 +126,14 @@ def test_a_state_that_could_not_be_read_again_is_not_written(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+def test_numbers_beyond_single_precision_are_refused_there(tmp_path):
+    path = tmp_path / "one.npz"
+    mrjax.save_state(path, mrjax.place([[1e300] * 3]))
+    assert mrjax.load_state(path).position[0, 0] == 1e300
+    with jax.enable_x64(False), pytest.raises(InputError, match="is beyond single precision"):
+        mrjax.load_state(path)
+
+
 # Checkpoints -------------------------------------------------------------------------------------
 
 

@@ -27,6 +27,7 @@ from calibrate import posterior, profile
 from calibrate.fit import LogNormal, fit
 from mrjax import checkpoint, npz, resume, schedule, stages
 from mrjax.checkpoint import Checkpoint
+from mrjax.results import LIST
 
 EXPERIMENT = """
 name = "tubes"
@@ -298,6 +299,8 @@ def results(folder: Path) -> dict[str, object]:
     """The numbers and pictures that a command wrote, but for the time that it took."""
     found = {}
     for path in folder.iterdir():
+        if path.name == LIST:  # of digests, that of the time among them
+            continue
         if path.suffix == ".json":
             found[path.name] = json.loads(path.read_text())
             found[path.name].pop("wall_seconds")

@@ -35,7 +35,7 @@ def here(tmp_path, monkeypatch) -> Path:
     """A folder to work in, with a recipe; the commands leave JAX as the tests have it."""
     (tmp_path / "small.toml").write_text(SMALL)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(commands, "start_jax", lambda dtype: None)
+    monkeypatch.setattr(commands, "start_jax", lambda *of, **given: None)
     return tmp_path
 
 
@@ -430,3 +430,15 @@ def test_a_folder_that_stops_being_ours_is_left_alone(tmp_path):
     with pytest.raises(InputError, match="is no checkpoint that mrjax made"):
         work.keep("two", {"x": np.ones(1)})
     assert everything(tmp_path) == before
+
+
+def test_two_processes_do_not_share_a_checkpoint(tmp_path):
+    with resume.kept(tmp_path, False, True, seed=1) as folder:
+        walk(folder / "rest")
+        with (
+            pytest.raises(InputError, match="another process is at work there"),
+            resume.kept(tmp_path, True, True, seed=1),
+        ):
+            raise AssertionError
+        assert checkpoint.holds_anything(folder)
+    assert not folder.exists()
