@@ -141,6 +141,8 @@ def cli(
     from mrjax.resume import kept
 
     loaded = Experiment.load(experiment)
+    for warning in loaded.warnings:  # before the work that it may save
+        commands.echo(f"mrjax-calibrate: warning: {warning}", err=True)
     _refuse_options(model, begin_with, predict, like)
     if leave_one_out:
         forecast.refuse_leaving_out(loaded)
@@ -211,7 +213,7 @@ def cli(
         for one in result.get("left_out", []) + result.get("new", []):
             commands.echo(report.line(one))
         commands.echo(f"Report: {folder / 'report.html'}")
-    for warning in result["warnings"]:
+    for warning in result["warnings"][len(loaded.warnings) :]:
         commands.echo(f"mrjax-calibrate: warning: {warning}", err=True)
     if result["misfit"]:
         worst = max(
@@ -228,6 +230,12 @@ def cli(
         raise SimulationError(
             f"the fit did not converge in {fitted.model_runs} model runs; what {folder} holds is "
             "marked so: start nearer, or check the data for values that contradict each other"
+        )
+    if result["contradicts"]:
+        raise SimulationError(
+            "the data contradict the model, or each other: p "
+            f"{report.by_chance(result['p_value'])}, and residuals are {result['residuals_over_range']:.2g} of the range of the readings; what "
+            f"{folder} holds is marked so: check values and units, or give larger errors"
         )
     if faults:
         raise faults[0]

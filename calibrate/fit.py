@@ -546,8 +546,13 @@ def _jumps(asking: _Asking, end: Point) -> tuple[bool, int]:
 
 
 def _trusted(asking: _Asking, here: Point) -> np.ndarray | None:
-    """Where a Gauss-Newton step leads that brings the decrease it promises, else None; one run."""
+    """Where a Gauss-Newton step leads that brings the decrease it promises, else None; one run.
+
+    Nowhere, where it promises nothing.
+    """
     change, gain = levenberg.step(here, asking.box, levenberg.LONGEST)
+    if gain < levenberg.DONE:
+        return here.logs
     ahead = asking.at(here.logs + change)
     return ahead.logs if here.loss - ahead.loss >= TRUSTED_FROM * 0.5 * gain else None
 

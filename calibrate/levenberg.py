@@ -21,6 +21,8 @@ and above where it may be longer."""
 DONE = 1e-8
 """Promised decrease of the sum of squares after which there is nothing more to do: 1e-4 standard
 deviations, and far less behind a step that is taken."""
+SHORT = 0.1
+"""A step that is still taken for so little: a longer one would run along what nothing bounds."""
 
 
 class Box(NamedTuple):
@@ -121,6 +123,8 @@ def minimise(
         if not change.any():
             return here, number
         length = float(np.linalg.norm(change))
+        if abs(promised) < DONE and length > SHORT:
+            return here, number
         there = at(here.logs + change)
         kept = 2.0 * (here.loss - there.loss) / promised if there.finite and promised > 0.0 else 0.0
         if kept > ACCEPTED:

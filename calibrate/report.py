@@ -1,7 +1,7 @@
 """What a fit found: JSON for programs, Markdown and one HTML page for people."""
 
 import base64
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -14,7 +14,14 @@ from matplotlib.figure import Figure
 from calibrate.fit import Fit, pseudo_huber
 from calibrate.fitted import Fitted
 from calibrate.forecast import Forecast
-from calibrate.identify import Identification, covariance, expression, information
+from calibrate.identify import (
+    WITHOUT_PRIOR,
+    Identification,
+    covariance,
+    expression,
+    information,
+)
+from calibrate.misfit import agreement
 from calibrate.plots import spelled
 from calibrate.posterior import Posterior
 from calibrate.profile import LEVELS, Profile
@@ -23,8 +30,10 @@ from calibrate.units import CURVES, TIME_UNITS
 from mrjax import Parameters, files, terminal_velocity, validity
 from mrjax.text import in_code, in_html, in_markdown, in_terminal
 
-LARGEST_CHI_SQUARED = 4.0
-"""Of a degree of freedom, two standard deviations each: beyond it a fit is called a misfit."""
+SMALLEST_P = 1e-12
+"""Below which a p-value says nothing more."""
+FASTER = 2.0
+"""How many times faster than one of its particles alone a suspension may fall as fitted."""
 
 MADE_BY = ("experiment", "lab_sheets", "model", "seed", "dtype", "versions")
 """What of a result is told in the metadata of its figures, too."""
@@ -48,6 +57,14 @@ SAID = {
         "The individual value of {} is carried by the prior alone.",
         "The individual values of {} are carried by the priors alone.",
     ),
+    "informed_by_data": (
+        "The data narrow what the prior says of {}, and do not determine it.",
+        "The data narrow what the priors say of {}, and do not determine them.",
+    ),
+    "loosely_bounded": (
+        "The data bound {} only loosely, and no prior says more: give one, or other readings.",
+        "The data bound {} only loosely, and no priors say more: give some, or other readings.",
+    ),
     "undetermined": (
         "Neither data nor a prior say what {} is: it is where the search happened to end.",
         "Neither data nor a prior say what {} are: they are where the search happened to end.",
@@ -69,10 +86,12 @@ def summary(
     samples: Posterior | None = None,
 ) -> dict[str, Any]:
     """Everything a fit found, as plain tables. `predicted` is `problem.predict`, (M,)."""
-    free = max(1, len(predicted) - len(found.combinations))
+    agreed = agreement(problem, fit, found, predicted)
     labels = {one.variable: one.label for one in problem.experiment.parameters}
-    alone = [name for name in fit.names if not found.determined[name]]
-    bounded = [name for name in alone if np.isfinite(found.standard_errors[name])]
+    open_values: dict[str, list[str]] = {key: [] for key in SAID}
+    for name in fit.names:
+        if not found.determined[name]:
+            open_values[_why_open(found, name)].append(labels[name])
     validity_of = {
         sample.name: _validity(problem.experiment.suspension_of(sample, fit.theta).parameters)
         for sample in problem.experiment.samples
@@ -91,28 +110,38 @@ def summary(
             for one in found.combinations
         ],
         "null_directions": list(found.null_directions),
-        "carried_by_priors_alone": [labels[name] for name in bounded],
-        "undetermined": [labels[name] for name in alone if name not in bounded],
+        "weak_combinations": list(found.weak_combinations),
+        **open_values,
         "predictions": _predictions(problem, fit, predicted),
         "validity": {
             name: {one.name: {"value": one.value, "holds": one.holds} for one in numbers}
             for name, numbers in validity_of.items()
         },
         "warnings": [
-            f"sample {name}: {warning}"
-            for name, numbers in validity_of.items()
-            for warning in validity.warnings(numbers)
+            *problem.experiment.warnings,
+            *(
+                f"sample {name}: {warning}"
+                for name, numbers in validity_of.items()
+                for warning in validity.warnings(numbers)
+            ),
+            *_too_fast(problem, fit),
         ],
         "notes": [
             f"sample {sample.name}: {note}"
             for sample in problem.experiment.samples
             for note in sample.recipe.notes
         ]
-        + [KINK] * fit.on_a_kink,
+        + [KINK] * fit.on_a_kink
+        + _at_bounds(problem, fit),
         "chi_squared": fit.chi_squared,
-        "degrees_of_freedom": len(predicted) - len(found.combinations),
-        "reduced_chi_squared": fit.chi_squared / free,
-        "misfit": fit.chi_squared / free > LARGEST_CHI_SQUARED,
+        "degrees_of_freedom": agreed.degrees_of_freedom,
+        "reduced_chi_squared": agreed.reduced_chi_squared,
+        "p_value": agreed.p_value,
+        "residuals_over_range": agreed.share,
+        "misfit": agreed.misfit,
+        "contradicts": agreed.contradicts,
+        "errors": "stated",
+        "error_scale": agreed.error_scale,
         "robust": fit.robust,
         "singular_values": found.singular_values,
         "model_runs": fit.model_runs,
@@ -129,6 +158,40 @@ def summary(
             "divergences": samples.divergences,
         },
     }
+
+
+def _why_open(found: Identification, name: str) -> str:
+    """Of a value that is not determined: which of `SAID` is said of it."""
+    if found.status[name] == "informed":
+        return "informed_by_data"
+    if not np.isfinite(found.standard_errors[name]):
+        return "undetermined"
+    by_data_alone = found.status[name] == "free" and np.isfinite(found.data_standard_errors[name])
+    return "loosely_bounded" if by_data_alone else "carried_by_priors_alone"
+
+
+def _too_fast(problem: Problem, fit: Fit) -> Iterator[str]:
+    """Of samples that fall faster as fitted than one of their particles would alone."""
+    for sample in problem.experiment.samples:
+        parameters = problem.experiment.suspension_of(sample, fit.theta).parameters
+        drag = float(np.mean(parameters.f_w * parameters.f_s * parameters.f_v))
+        if drag * FASTER < 1.0:
+            yield (
+                f"sample {sample.name}: as fitted it falls {1.0 / drag:.3g} times faster than one "
+                f"of its particles alone, f_w f_s f_v = {drag:.3g}: flocs, or check units, "
+                "viscosity and diameter"
+            )
+
+
+def _at_bounds(problem: Problem, fit: Fit) -> list[str]:
+    """Of values that end where they would lose their meaning."""
+    logs, labels = np.log(fit.values), problem.experiment.parameters
+    lower, upper = np.broadcast_arrays(*fit.box, logs)[:2]
+    return [
+        f"{one.label} ended at {one.value(x):.4g}, the last value that has a meaning"
+        for one, x, log, low, high in zip(labels, fit.values, logs, lower, upper, strict=True)
+        if min(log - low, high - log) < 1e-9
+    ]
 
 
 def _validity(parameters: Parameters) -> tuple[validity.Number, ...]:
@@ -152,6 +215,8 @@ def _parameters(
             "value": one.value(x),
             "standard_error": found.standard_errors[one.variable] * one.per_log(x) / x,
             "determined": found.determined[one.variable],
+            "status": found.status[one.variable],
+            "data_standard_error": found.data_standard_errors[one.variable],
             "samples": list(one.samples),
             "prior_median": one.median,
             "prior_log_standard_deviation": one.log_standard_deviation,
@@ -218,7 +283,8 @@ def in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]
     """What the data determine and what they do not, a sentence a line."""
     text, code = language
     parameters, combinations = result["parameters"], result["determined_combinations"]
-    lines = [
+    lines = [_misfit(result)] if result["misfit"] else []
+    lines += [
         f"The {spelled(one['observable'])} of sample {text(one['sample'])} varies as "
         f"{text(one['varies_as'])}: only that product of powers can be read from it."
         for one in result["predictions"]
@@ -226,7 +292,8 @@ def in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]
     ]
     lines.append(
         f"Of the {len(parameters)} fitted values the data determine {len(combinations)} "
-        f"independent combination{'s' if len(combinations) != 1 else ''}:"
+        f"independent combination{'s' if len(combinations) != 1 else ''}"
+        f"{':' if combinations else '.'}"
     )
     lines += [
         f"- {code(one['expression'])} = {_with_error(one['value'], one['standard_error'])}"
@@ -239,16 +306,15 @@ def in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]
         if one["bounds"]
     ]
     lines += [
-        f"No measurement says anything of {code(direction)}: changing it, with the combinations "
-        "above held, changes no prediction."
+        f"No measurement says anything of {code(direction)} near this fit: changing it there, with "
+        "the combinations above held, changes no prediction."
         for direction in result["null_directions"]
     ]
-    if result["misfit"]:
-        lines.append(
-            f"The data do not agree with the model, or with each other: chi-squared is "
-            f"{result['chi_squared']:.3g} for {len(result['predictions'])} measurements, "
-            f"{result['reduced_chi_squared']:.3g} for each degree of freedom."
-        )
+    lines += [
+        f"The data say too little of {code(direction)} to determine it."
+        for direction in result["weak_combinations"]
+        if direction not in parameters
+    ]
     lines += [
         f"One {code(label)} is taken for samples {text(', '.join(one['samples']))}."
         for label, one in parameters.items()
@@ -259,6 +325,23 @@ def in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]
             listed = ", ".join(map(code, names))
             lines.append((several if len(names) > 1 else one).format(listed))
     return lines
+
+
+def _misfit(result: dict[str, Any]) -> str:
+    """How far the data are from the model."""
+    p = "" if result["p_value"] is None else f", p {by_chance(result['p_value'])}"
+    return (
+        f"The data do not agree with the model, or with each other: chi-squared is "
+        f"{result['chi_squared']:.3g} for {len(result['predictions'])} measurements, "
+        f"{result['reduced_chi_squared']:.3g} for each degree of freedom{p}; residuals are "
+        f"{result['residuals_over_range']:.2g} of the range of the readings. Stated errors would "
+        f"have to be {result['error_scale']:.3g} times as large."
+    )
+
+
+def by_chance(p: float) -> str:
+    """A p-value, as it follows the letter."""
+    return f"= {p:.2g}" if p > SMALLEST_P else f"< {SMALLEST_P:g}"
 
 
 def markdown(name: str, model: str, result: dict[str, Any], figures: dict[str, Figure]) -> str:
@@ -299,7 +382,7 @@ def markdown(name: str, model: str, result: dict[str, Any], figures: dict[str, F
             [
                 in_code(label),
                 f"sample{'s' if len(one['samples']) > 1 else ''} {', '.join(one['samples'])}",
-                _with_error(one["value"], one["standard_error"]),
+                _fitted(one),
                 *(_range(one["profile"], coverage) for coverage in LEVELS),
                 _prior(one),
                 _sampled(one["posterior"]),
@@ -510,7 +593,19 @@ def _prior(one: dict[str, Any]) -> str:
 def _determined(one: dict[str, Any]) -> str:
     if one["determined"]:
         return "yes"
-    return "no, prior only" if np.isfinite(one["standard_error"]) else "no"
+    if one["status"] == "free":
+        by_prior = np.isinf(one["data_standard_error"]) and np.isfinite(one["standard_error"])
+        return "no, prior only" if by_prior else "no, free"
+    return f"no, {one['status']}"
+
+
+def _fitted(one: dict[str, Any]) -> str:
+    """A value with its error: as a factor, where that is as large as the value."""
+    error = one["data_standard_error"]
+    if one["status"] == "free" and WITHOUT_PRIOR < error < np.inf and not one["bounds"]:
+        if np.isfinite(one["standard_error"]):
+            return f"{one['value']:.3g}, within a factor of {np.exp(error):.3g}"
+    return _with_error(one["value"], one["standard_error"])
 
 
 def _sampled(posterior: dict[str, float] | None) -> str:

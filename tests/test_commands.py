@@ -355,9 +355,11 @@ def test_a_fit_of_misfitting_data_says_so_in_its_report(tmp_path):
     arguments = ("twice.toml", "--model", "closed-form", "--quiet", "--json")
     status, out, err = run(*arguments, module="calibrate", folder=tmp_path)
     fit = json.loads((tmp_path / "fit" / "fit.json").read_text())
-    assert status == 0 and fit["converged"] and fit["misfit"]
+    assert status == 1 and fit["converged"] and fit["misfit"] and fit["contradicts"]
     assert json.loads(out) == fit
-    assert "warning: the data do not fit; sample" in err and err.count("\n") == 1
+    warning, refusal = err.splitlines()
+    assert "warning: the data do not fit; sample" in warning
+    assert "the data contradict the model, or each other: p < 1e-12" in refusal
     # Two values 40 of their standard deviations apart: 40^2 / 2.
     assert fit["chi_squared"] == near(800, rel=0.05)
     assert "do not agree with the model" in (tmp_path / "fit" / "report.md").read_text()

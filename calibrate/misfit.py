@@ -1,0 +1,74 @@
+"""Whether readings agree with the model within their stated errors, and with each other at all.
+
+Of M readings and K combinations that they determine chi-squared is distributed as that of M - K
+degrees of freedom, if the model is right and the errors are as stated. Stated errors are often too
+small, so that p alone refuses many a good fit: readings contradict the model where their residuals
+are large beside the readings themselves, too.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import chi2
+
+from calibrate.fit import Fit
+from calibrate.identify import Identification
+from calibrate.residuals import Problem
+
+LARGEST_CHI_SQUARED = 4.0
+"""Of a degree of freedom, two standard deviations each: beyond it a fit is called a misfit."""
+LEAST_P, LARGEST_SHARE = 1e-6, 0.05
+"""Beyond both, readings contradict the model or each other."""
+
+
+class Agreement(NamedTuple):
+    """How well a fit agrees with its readings."""
+
+    degrees_of_freedom: int
+    reduced_chi_squared: float
+    p_value: float | None
+    """How often chi-squared would be as large by chance; None where nothing is left to compare,
+    or where outliers count less."""
+    share: float
+    """Root mean square of the residuals over the range of the readings of each kind."""
+    error_scale: float
+    """By what stated errors would have to grow for chi-squared to be as expected; at least 1."""
+
+    @property
+    def misfit(self) -> bool:
+        """Whether the stated errors do not cover the residuals."""
+        return self.reduced_chi_squared > LARGEST_CHI_SQUARED
+
+    @property
+    def contradicts(self) -> bool:
+        """Whether no error that anyone would state covers the residuals."""
+        return self.p_value is not None and self.p_value < LEAST_P and self.share > LARGEST_SHARE
+
+
+def agreement(
+    problem: Problem, fit: Fit, found: Identification, predicted: np.ndarray
+) -> Agreement:
+    """Of predictions, (M,), with the readings of a problem."""
+    free = len(predicted) - len(found.combinations)
+    reduced = fit.chi_squared / max(1, free)
+    known = free > 0 and fit.robust is None
+    return Agreement(
+        free,
+        reduced,
+        float(chi2.sf(fit.chi_squared, free)) if known else None,
+        _share(problem, predicted),
+        max(1.0, reduced**0.5),
+    )
+
+
+def _share(problem: Problem, predicted: np.ndarray) -> float:
+    """Root mean square of residuals over ranges; of one reading its size is the range."""
+    kinds = [(one.observable, one.value * one.si) for _, one in problem.measurements]
+    range_of = {}
+    for kind in {kind for kind, _ in kinds}:
+        values = [value for other, value in kinds if other == kind]
+        range_of[kind] = (max(values) - min(values)) or max(map(abs, values)) or 1.0
+    si = np.array([one.si for _, one in problem.measurements])
+    ranges = np.array([range_of[kind] for kind, _ in kinds])
+    with np.errstate(invalid="ignore"):
+        return float(np.sqrt(np.mean(((predicted - problem.measured) * si / ranges) ** 2)))
