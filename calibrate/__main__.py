@@ -234,8 +234,9 @@ def cli(
     if result["contradicts"]:
         raise SimulationError(
             "the data contradict the model, or each other: p "
-            f"{report.by_chance(result['p_value'])}, and residuals are {result['residuals_over_range']:.2g} of the range of the readings; what "
-            f"{folder} holds is marked so: check values and units, or give larger errors"
+            f"{report.by_chance(result['p_value'])}, and residuals are "
+            f"{result['residuals_over_range']:.2g} of the range of the readings; what {folder} "
+            "holds is marked so: check values and units, or give larger errors"
         )
     if faults:
         raise faults[0]

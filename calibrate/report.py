@@ -602,9 +602,9 @@ def _determined(one: dict[str, Any]) -> str:
 def _fitted(one: dict[str, Any]) -> str:
     """A value with its error: as a factor, where that is as large as the value."""
     error = one["data_standard_error"]
-    if one["status"] == "free" and WITHOUT_PRIOR < error < np.inf and not one["bounds"]:
-        if np.isfinite(one["standard_error"]):
-            return f"{one['value']:.3g}, within a factor of {np.exp(error):.3g}"
+    loose = one["status"] == "free" and WITHOUT_PRIOR < error < np.inf and not one["bounds"]
+    if loose and np.isfinite(one["standard_error"]):
+        return f"{one['value']:.3g}, within a factor of {np.exp(error):.3g}"
     return _with_error(one["value"], one["standard_error"])
 
 

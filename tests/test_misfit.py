@@ -1,4 +1,4 @@
-"""Readings that do not agree: what is said of them, and from where on a fit is not to be trusted."""
+"""Readings that do not agree: what is said of them, and from where on a fit is not trusted."""
 
 import numpy as np
 import pytest
