@@ -7,13 +7,14 @@ is a long ridge: the mass matrix is dense, and begins as the curvature at the op
 import importlib.util
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from tqdm import tqdm
 
+from calibrate import diagnostics
+from calibrate.chains import MOST, Piece, Sampler, arrays
 from calibrate.fit import Fit
 from calibrate.identify import identify, information
 from mrjax import InputError, randomness
@@ -21,6 +22,8 @@ from mrjax.checkpoint import Checkpoint, refuse_foreign
 from mrjax.permissive import permissive
 
 CHAINS, WARM_UP, SAMPLES = 4, 300, 500
+FEWEST = 4
+"""Samples of a chain whose halves can be compared."""
 LARGEST_R_HAT, LEAST_EFFECTIVE = 1.01, 400.0
 """Vehtari et al. (2021): beyond these the samples are not to be used."""
 
@@ -31,39 +34,54 @@ class Posterior:
 
     names: tuple[str, ...]
     samples: np.ndarray
-    """Values, not logarithms; (CHAINS * SAMPLES, P)."""
+    """Values, not logarithms; (CHAINS * SAMPLES, P), chain after chain."""
     r_hat: np.ndarray
-    """Spread between chains over that within them, 1 when they agree; (P,)."""
+    """Spread between chains over that within them, 1 when they agree: split, by ranks, and the
+    greater of that of values and of their distances from the median; (P,)."""
     effective: np.ndarray
-    """Independent samples that they are worth, (P,)."""
+    """Independent samples that they are worth, in their middle or tails, whichever is less; (P,)."""
     divergences: int
     """Steps that left the posterior; not 0: a part of it may be missing."""
 
     @property
     def converged(self) -> bool:
-        """Whether the samples may be used."""
+        """Whether the samples may be used: all chains agree, by whatever made the numbers above."""
+        with np.errstate(divide="ignore"):
+            logs = np.log(self.samples)
+        chains = logs.reshape(CHAINS, -1, len(self.names))
         return bool(
             (self.r_hat < LARGEST_R_HAT).all()
+            and (diagnostics.r_hat(chains) < LARGEST_R_HAT).all()
             and (self.effective > LEAST_EFFECTIVE).all()
             and self.divergences == 0
         )
 
 
 def posterior(
-    fit: Fit, seed: int = 0, samples: int = SAMPLES, checkpoint: str | Path | None = None
+    fit: Fit,
+    seed: int = 0,
+    samples: int = SAMPLES,
+    checkpoint: str | Path | None = None,
+    progress: bool = False,
 ) -> Posterior:
     """Samples the posterior of a fit.
+
+    The chains go on piece by piece, of half a second or one draw, and stop between two.
 
     Args:
       fit: converged.
       seed: of the chains.
-      samples: of each of the four chains.
-      checkpoint: folder that keeps the samples when they are drawn, all at once.
+      samples: of each of the four chains, 4 at least.
+      checkpoint: folder that keeps every fifty draws. Called again with it and the same arguments,
+        on the same machine, the chains go on, and end with the same bits.
+      progress: whether to show a progress bar, on standard error.
 
     Raises:
       InputError: blackjax is not installed, the posterior has no end, or a checkpoint of another.
     """
     refuse_foreign(checkpoint)
+    if samples < FEWEST:
+        raise InputError(f"samples = {samples}: must be at least {FEWEST}, to compare two halves")
     refuse_without_sampler()
     _refuse_without_end(fit)
     work = None
@@ -78,44 +96,62 @@ def posterior(
         )
         if (kept := work.kept("samples")) is not None:
             return _of_arrays(fit, kept[0])
-    import blackjax
-
     whitened, best = _whitening(fit)
 
     def log_density(position: Array) -> Array:
         return -0.5 * jnp.sum(fit.everything(best + whitened @ position, fit.given) ** 2)
 
-    def chain(key: Array) -> tuple[Array, Array]:
-        first, adapting, drawing = jax.random.split(key, 3)
-        adaptation = blackjax.window_adaptation(
-            blackjax.nuts, log_density, is_mass_matrix_diagonal=False
-        )
-        position = jax.random.normal(first, best.shape, best.dtype)
-        (state, tuned), _ = adaptation.run(adapting, position, num_steps=WARM_UP)
-        kernel = blackjax.nuts(log_density, **tuned)
-
-        def step(state: Any, key: Array) -> tuple[Any, tuple[Array, Array]]:
-            state, info = kernel.step(key, state)
-            return state, (state.position, info.is_divergent)
-
-        _, drawn = jax.lax.scan(step, state, jax.random.split(drawing, samples))
-        return drawn
-
     with permissive(), randomness.ordered():
-        keys = jax.random.split(randomness.key(seed), CHAINS)
-        drawn, divergent = jax.jit(jax.vmap(chain))(keys)
-        logs = best + drawn @ whitened.T
-        r_hat = blackjax.diagnostics.potential_scale_reduction(logs)
-        effective = blackjax.diagnostics.effective_sample_size(logs)
-    arrays = {
-        "samples": np.exp(np.asarray(logs)).reshape(-1, best.size),
-        "r_hat": np.asarray(r_hat),
-        "effective": np.asarray(effective),
-        "divergences": np.asarray(divergent.sum()),
-    }
+        sampler = Sampler(
+            log_density, best.size, chains=CHAINS, seed=seed, warm_up=WARM_UP, draws=samples
+        )
+        drawn = _drawn(sampler, work, progress)
+        logs = np.asarray(best) + drawn.positions[:, WARM_UP:] @ np.asarray(whitened).T
+        found = {
+            "samples": np.exp(logs).reshape(-1, best.size),
+            "r_hat": diagnostics.r_hat(logs),
+            "effective": _effective(logs),
+            "divergences": drawn.divergent[:, WARM_UP:].sum(),
+        }
     if work is not None:
-        work.keep("samples", arrays)
-    return _of_arrays(fit, arrays)
+        work.keep("samples", found)
+    return _of_arrays(fit, found)
+
+
+def _drawn(sampler: Sampler, work: Checkpoint | None, progress: bool) -> Piece:
+    """All steps of the chains, those that were kept and the others."""
+    kept = None if work is None else work.sequence("chains")
+    earlier, state = ([], None) if kept is None else kept.resumed()
+    pieces = [Piece(one["positions"], one["divergent"]) for one in earlier]
+    done = sum(one.positions.shape[1] for one in pieces)
+    chains = sampler.begin() if state is None else sampler.restored(state)
+    unkept: list[Piece] = []
+    with tqdm(
+        desc="posterior", total=sampler.length, initial=done, disable=not progress, leave=False
+    ) as bar:
+        for chains, piece in sampler.pieces(chains, done):
+            done += piece.positions.shape[1]
+            bar.set_postfix_str("warm-up" if done < sampler.warm_up else "draws", refresh=False)
+            bar.update(piece.positions.shape[1])
+            unkept.append(piece)
+            if kept is not None and (done % MOST == 0 or done == sampler.length):
+                whole = _joined(unkept)
+                kept.append(whole._asdict(), arrays(chains))
+                pieces, unkept = [*pieces, whole], []
+    return _joined([*pieces, *unkept])
+
+
+def _joined(pieces: list[Piece]) -> Piece:
+    return Piece(*(np.concatenate(arrays, axis=1) for arrays in zip(*pieces, strict=True)))
+
+
+def _effective(draws: np.ndarray) -> np.ndarray:
+    """Independent samples that draws, (C, N, P), are worth, in their middle or tails; (P,)."""
+    from blackjax.diagnostics import effective_sample_size
+
+    halves = diagnostics.split(draws)
+    each = (diagnostics.normalised(halves), *diagnostics.tails(halves))
+    return np.min([np.asarray(effective_sample_size(jnp.asarray(one))) for one in each], axis=0)
 
 
 def _of_arrays(fit: Fit, arrays: dict[str, np.ndarray]) -> Posterior:
