@@ -168,17 +168,23 @@ def cli(
         # Outside the compiled fit a simulation checks itself and raises if not to be trusted.
         predicted = np.asarray(problem.predict(fitted.theta))
         usable = fitted.converged
-        held = profiles(fitted) if usable else ()
+        held = profiles(fitted, progress=not quiet) if usable else ()
         # What goes wrong from here on is told when the fit itself is written.
         faults: list[Exception] = []
         samples, further = None, {}
         if posterior and usable:
             with _told_later(faults):
-                samples = sampled(fitted, seed, checkpoint=checkpoint / "posterior")
+                samples = sampled(
+                    fitted, seed, checkpoint=checkpoint / "posterior", progress=not quiet
+                )
         if leave_one_out:
             with _told_later(faults):
                 left_out = forecast.leave_one_out(
-                    loaded, model, **options, checkpoint=checkpoint / "left-out"
+                    loaded,
+                    model,
+                    **options,
+                    checkpoint=checkpoint / "left-out",
+                    progress=not quiet,
                 )
                 further["left_out"] = report.forecasts(left_out)
         if new is not None and usable:
@@ -204,7 +210,7 @@ def cli(
         }
         figures = plots.figures(problem, fitted, result, held, samples)
         text = report.markdown(loaded.name, model, result, figures)
-        report.write(folder, text, result, figures, pdf)
+        report.write(folder, text, result, figures, pdf, progress=not quiet)
     if as_json:
         click.echo(files.as_json(result, ascii_only=True))
     elif not quiet:

@@ -56,6 +56,7 @@ def calibrated(
             starts=starts,
             seed=seed,
             robust=robust,
+            progress=progress,
             checkpoint=checkpoint and Path(checkpoint) / "begin-with",
         )
         if not first.converged:

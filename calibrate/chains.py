@@ -15,9 +15,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from calibrate.waiting import there
 from mrjax import randomness
-
-from calibrate.waiting import wait
 
 DURATION = 0.5
 """Of a piece, s, about: within it nobody looks whether to stop."""
@@ -72,7 +71,9 @@ class Sampler:
 
         self.warm_up, self.length = warm_up, warm_up + draws
         keys = jax.random.split(randomness.key(seed), chains)
-        first, adapting, drawing = jnp.moveaxis(jax.vmap(partial(jax.random.split, num=3))(keys), 1, 0)
+        first, adapting, drawing = jnp.moveaxis(
+            jax.vmap(partial(jax.random.split, num=3))(keys), 1, 0
+        )
         self._keys = jnp.concatenate(
             [
                 jax.vmap(partial(jax.random.split, num=number))(of)
@@ -106,14 +107,16 @@ class Sampler:
         while done < self.length:
             number = min(number, most - done % most, self.length - done)
             began = time.perf_counter()
-            found = self._advance(chains, self._keys, self._windows, done, number)
-            wait(found, began)
+            found = there(self._advance(chains, self._keys, self._windows, done, number))
             took = (time.perf_counter() - began) / number
             chains, positions, divergent = found
             done += number
-            yield chains, Piece(
-                np.moveaxis(np.asarray(positions)[:number], 0, 1),
-                np.asarray(divergent)[:number].T,
+            yield (
+                chains,
+                Piece(
+                    np.moveaxis(np.asarray(positions)[:number], 0, 1),
+                    np.asarray(divergent)[:number].T,
+                ),
             )
             # The first piece was compiled, too.
             longest = FASTER * number if known else 1

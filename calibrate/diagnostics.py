@@ -1,4 +1,4 @@
-"""Whether chains agree: split rank-normalised R-hat, of values and of their distance from the middle.
+"""Whether chains agree: split R-hat by ranks, of values and of their distance from the middle.
 
 Vehtari, Gelman, Simpson, Carpenter & Buerkner, Bayesian Analysis 16, 667 (2021). Ranks make R-hat
 finite for any tail; half chains find one that drifts; distances from the median, folded, find

@@ -26,7 +26,7 @@ from tqdm import tqdm
 
 from calibrate import levenberg
 from calibrate.levenberg import Box, Point
-from calibrate.waiting import Interruptible
+from calibrate.waiting import stoppable, watched
 from mrjax import InputError, randomness
 from mrjax.checkpoint import Checkpoint, digest, refuse_foreign
 from mrjax.permissive import permissive
@@ -54,6 +54,8 @@ LONGEST_ERROR = 7.0
 """Size of a simplex in logarithms, at most."""
 HOPELESS = 1e-6
 """Distance in logarithms to where a prediction was possible at which a start is given up."""
+AT_ONCE = 8
+"""Models that are run side by side, for as many starts."""
 SPREAD = 0.7
 """Standard deviation of further starts about the first in each logarithm, where no prior says."""
 
@@ -181,7 +183,7 @@ def fit(
     shapes = tuple(np.shape(leaf) for leaf in leaves)
     compiled = _compiled(residuals, structure, shapes, held, robust, data is None)
     each = box.clip(_starts(np.log(values), precision, starts, seed))
-    with permissive(), _bar(progress) as bar:
+    with stoppable(), permissive(), _bar(progress) as bar:
         count = _vector(compiled, each[0], given) - len(held)
         asked, keeping = compiled, lambda _, function: function
         if checkpoint is not None:
@@ -328,8 +330,8 @@ def _compiled(
         value = everything(logs, given)
         return value, value
 
-    linearised = Interruptible(jax.jit(jax.jacfwd(with_value, has_aux=True)))
-    return _Compiled(everything, Interruptible(everything), linearised)
+    linearised = watched(jax.jit(jax.jacfwd(with_value, has_aux=True)))
+    return _Compiled(everything, watched(everything), linearised)
 
 
 def _tree(values: Array, structure: Any, shapes: tuple[tuple[int, ...], ...]) -> Any:
@@ -441,15 +443,25 @@ def _finite(*arrays: np.ndarray) -> bool:
 
 
 def _of_each(function: Callable, starts: int) -> Callable:
-    """A compiled function over the leading axis of all that it takes and gives, as numpy arrays."""
-    mapped = jax.jit(jax.vmap(function))
+    """A compiled function over the leading axis of all that it takes and gives, as numpy arrays.
+
+    So many at once at most: between two calls Python sees signals.
+    """
+    mapped = watched(jax.jit(jax.vmap(function)))
 
     def of_each(*arguments: Any) -> Any:
-        if starts > 1:
+        if starts == 1:  # not mapped: a forward model may be slower that way
+            found = function(*jax.tree.map(lambda leaf: leaf[0], arguments))
+            return jax.tree.map(lambda leaf: np.asarray(leaf)[None], found)
+        if starts <= AT_ONCE:
             return jax.tree.map(np.asarray, mapped(*arguments))
-        # One start is not mapped: a forward model may be slower that way.
-        found = function(*jax.tree.map(lambda leaf: leaf[0], arguments))
-        return jax.tree.map(lambda leaf: np.asarray(leaf)[None], found)
+        found = []
+        for first in range(0, starts, AT_ONCE):
+            # The last of them are filled up, for one program.
+            rows = np.minimum(np.arange(first, first + AT_ONCE), starts - 1)
+            some = mapped(*jax.tree.map(partial(np.take, indices=rows, axis=0), arguments))
+            found.append(jax.tree.map(np.asarray, some))
+        return jax.tree.map(lambda *leaves: np.concatenate(leaves)[:starts], *found)
 
     return of_each
 

@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from tqdm import tqdm
 
 from calibrate.calibration import calibrated
 from calibrate.data import Experiment, Measurement, Sample
@@ -25,6 +26,7 @@ from calibrate.units import VELOCITY_UNITS
 from mrjax import InputError, Recipe, SimulationError
 from mrjax.checkpoint import refuse_foreign
 from mrjax.permissive import permissive
+from mrjax.text import in_terminal
 
 
 @dataclass(frozen=True)
@@ -98,6 +100,7 @@ def leave_one_out(
     model: str | ForwardModelMaker,
     seed: int = 0,
     checkpoint: str | Path | None = None,
+    progress: bool = False,
     **options: Any,
 ) -> list[Forecast]:
     """Every sample, predicted from a fit to all others.
@@ -107,6 +110,7 @@ def leave_one_out(
       model: as for `Problem.prepare`.
       seed: of suspensions that are simulated, and of further starts.
       checkpoint: folder that keeps what each fit has done, as for `calibrated`.
+      progress: whether to show a progress bar and those of the fits, on standard error.
       options: of `calibrated`.
 
     Raises:
@@ -116,10 +120,13 @@ def leave_one_out(
     refuse_foreign(checkpoint)
     refuse_leaving_out(experiment)
     found = []
-    for number, sample in enumerate(experiment.samples):
+    bar = tqdm(experiment.samples, desc="each from the others", disable=not progress, leave=False)
+    for number, sample in enumerate(bar):
+        bar.set_postfix_str(f"without {in_terminal(sample.name)}")
         rest = without(experiment, sample.name)
         kept = checkpoint and Path(checkpoint) / f"without-{number}"
-        _, fitted = calibrated(rest, model, seed=seed, checkpoint=kept, **options)
+        of_fit = dict(seed=seed, progress=progress, checkpoint=kept, **options)
+        _, fitted = calibrated(rest, model, **of_fit)
         if not fitted.converged:
             raise SimulationError(
                 f"the fit without sample {sample.name} did not converge in {fitted.model_runs} "

@@ -17,6 +17,7 @@ from calibrate import diagnostics
 from calibrate.chains import MOST, Piece, Sampler, arrays
 from calibrate.fit import Fit
 from calibrate.identify import identify, information
+from calibrate.waiting import stoppable
 from mrjax import InputError, randomness
 from mrjax.checkpoint import Checkpoint, refuse_foreign
 from mrjax.permissive import permissive
@@ -39,7 +40,7 @@ class Posterior:
     """Spread between chains over that within them, 1 when they agree: split, by ranks, and the
     greater of that of values and of their distances from the median; (P,)."""
     effective: np.ndarray
-    """Independent samples that they are worth, in their middle or tails, whichever is less; (P,)."""
+    """Independent samples that they are worth, in their middle or tails, the less; (P,)."""
     divergences: int
     """Steps that left the posterior; not 0: a part of it may be missing."""
 
@@ -101,7 +102,7 @@ def posterior(
     def log_density(position: Array) -> Array:
         return -0.5 * jnp.sum(fit.everything(best + whitened @ position, fit.given) ** 2)
 
-    with permissive(), randomness.ordered():
+    with stoppable(), permissive(), randomness.ordered():
         sampler = Sampler(
             log_density, best.size, chains=CHAINS, seed=seed, warm_up=WARM_UP, draws=samples
         )
@@ -121,22 +122,22 @@ def posterior(
 def _drawn(sampler: Sampler, work: Checkpoint | None, progress: bool) -> Piece:
     """All steps of the chains, those that were kept and the others."""
     kept = None if work is None else work.sequence("chains")
-    earlier, state = ([], None) if kept is None else kept.resumed()
+    earlier, left = ([], None) if kept is None else kept.resumed()
     pieces = [Piece(one["positions"], one["divergent"]) for one in earlier]
     done = sum(one.positions.shape[1] for one in pieces)
-    chains = sampler.begin() if state is None else sampler.restored(state)
+    chains = sampler.begin() if left is None else sampler.restored(left)
     unkept: list[Piece] = []
     with tqdm(
         desc="posterior", total=sampler.length, initial=done, disable=not progress, leave=False
     ) as bar:
-        for chains, piece in sampler.pieces(chains, done):
+        for state, piece in sampler.pieces(chains, done):
             done += piece.positions.shape[1]
             bar.set_postfix_str("warm-up" if done < sampler.warm_up else "draws", refresh=False)
             bar.update(piece.positions.shape[1])
             unkept.append(piece)
             if kept is not None and (done % MOST == 0 or done == sampler.length):
                 whole = _joined(unkept)
-                kept.append(whole._asdict(), arrays(chains))
+                kept.append(whole._asdict(), arrays(state))
                 pieces, unkept = [*pieces, whole], []
     return _joined([*pieces, *unkept])
 

@@ -7,9 +7,11 @@ that bends, or ends in nothing.
 from dataclasses import dataclass
 
 import numpy as np
+from tqdm import tqdm
 
 from calibrate.fit import Fit
 from calibrate.identify import identify, information
+from calibrate.waiting import stoppable
 from mrjax.permissive import permissive
 
 LEVELS = {"68 %": 1.0, "95 %": 3.841459}
@@ -33,21 +35,26 @@ class Profile:
     """By coverage; an end that lies beyond the profile is 0 or infinite."""
 
 
-def profiles(fit: Fit) -> tuple[Profile, ...]:
+def profiles(fit: Fit, progress: bool = False) -> tuple[Profile, ...]:
     """A profile of every value that has an error bar.
 
     Args:
       fit: converged.
+      progress: whether to show a progress bar, on standard error.
     """
     errors = identify(fit).standard_errors
-    found = []
-    for place, (name, value) in enumerate(zip(fit.names, fit.values, strict=True)):
-        if np.isfinite(errors[name]):
-            found.append(_profile(fit, place, name, errors[name] / value))
-    return tuple(found)
+    bounded = [place for place, name in enumerate(fit.names) if np.isfinite(errors[name])]
+    total = len(bounded) * (1 + POINTS)
+    shown = tqdm(desc="profiles", total=total, disable=not progress, leave=False)
+    with stoppable(), shown as bar:
+        return tuple(
+            _profile(fit, place, errors[fit.names[place]] / fit.values[place], bar)
+            for place in bounded
+        )
 
 
-def _profile(fit: Fit, place: int, name: str, error: float) -> Profile:
+def _profile(fit: Fit, place: int, error: float, bar: tqdm) -> Profile:
+    name = fit.names[place]
     best = np.log(fit.values)
     curved = information(fit)
     free = np.array([other for other in range(best.size) if other != place], int)
@@ -58,10 +65,15 @@ def _profile(fit: Fit, place: int, name: str, error: float) -> Profile:
     along[free] = -np.linalg.pinv(within, hermitian=True) @ curved[free, place]
     offsets = np.linspace(-REACH * error, REACH * error, POINTS)
     with permissive():
+        bar.set_postfix_str(name)
         lowest = _held(fit, free, best, steps=0)
-        increase = np.array(
-            [_held(fit, free, best + offset * along, GAUSS_NEWTON_STEPS) for offset in offsets]
-        )
+        increase = np.empty(POINTS)
+        for number, offset in enumerate(offsets):
+            bar.update()
+            logs = fit.box.clip(best + offset * along)
+            logs[place] = best[place] + offset
+            increase[number] = _held(fit, free, logs, GAUSS_NEWTON_STEPS)
+        bar.update()
     increase -= lowest
     values = fit.values[place] * np.exp(offsets)
     intervals = {coverage: _interval(values, increase, level) for coverage, level in LEVELS.items()}
@@ -82,6 +94,7 @@ def _held(fit: Fit, free: np.ndarray, logs: np.ndarray, steps: int) -> float:
         step, *_ = np.linalg.lstsq(jacobian[:, free], -value, rcond=None)
         logs = logs.copy()
         logs[free] += step
+        logs[free] = fit.box.clip(logs)[free]
     return least
 
 

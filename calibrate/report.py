@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from markdown_it import MarkdownIt
 from matplotlib.figure import Figure
+from tqdm import tqdm
 
 from calibrate.fit import Fit, pseudo_huber
 from calibrate.fitted import Fitted
@@ -439,14 +440,22 @@ The search looks for the valley; Levenberg-Marquardt finishes it, or on a kink a
 
 
 def write(
-    folder: Path, text: str, result: dict[str, Any], figures: dict[str, Figure], pdf: bool
+    folder: Path,
+    text: str,
+    result: dict[str, Any],
+    figures: dict[str, Figure],
+    pdf: bool,
+    progress: bool = False,
 ) -> None:
-    """Writes `fit.json`, `report.md` with its figures, and `report.html` with all in one file."""
+    """Writes `fit.json`, `report.md` with its figures, and `report.html` with all in one file.
+
+    `progress`: whether to show a progress bar, on standard error.
+    """
     files.write_json(folder / "fit.json", result)
     files.write_text(folder / "report.md", text)
     made_by = {name: result[name] for name in MADE_BY}
     page = _html(f"{result['experiment']}, fitted with the {result['model']} model", text)
-    for name, figure in figures.items():
+    for name, figure in tqdm(figures.items(), desc="figures", disable=not progress, leave=False):
         files.write_figure(folder, name, figure, made_by, pdf)
         image = base64.b64encode((folder / f"{name}.png").read_bytes()).decode("ascii")
         # So wide that the figure's letters are as large as those of the page.

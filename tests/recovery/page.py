@@ -6,6 +6,7 @@ import numpy as np
 
 from calibrate.profile import LEVELS
 from mrjax.files import markdown_table
+from mrjax.text import in_code
 
 from . import coverage
 
@@ -19,7 +20,7 @@ def text() -> str:
             experiment,
             model,
             by,
-            f"`{parameter}`",
+            in_code(parameter),
             one["sets"],
             one["converged"],
             one["on_a_kink"],
