@@ -67,11 +67,11 @@ def look() -> None:
 
 
 def there(found: Any) -> Any:
-    """The same arrays when all of them are there; raises as `look`."""
+    """The same arrays when all of them are there, if they are not traced; raises as `look`."""
     began = time.perf_counter()
     leaves: list[Any] = jax.tree.leaves(found)
     for leaf in leaves:
-        while not leaf.is_ready():
+        while not isinstance(leaf, jax.core.Tracer) and not leaf.is_ready():
             look()
             waited = time.perf_counter() - began
             time.sleep(min(LONGEST_SLEEP, SHARE * waited) if waited > BRIEF else 0.0)
