@@ -205,7 +205,7 @@ def run(command: click.Command, name: str) -> None:
     streams.guard()
     status, text = _outcome(command, name)
     if text:
-        echo(f"{name}: {in_message(text)}", err=True)
+        echo(in_message(f"{name}: {text}"), err=True)
     if status == 0 and streams.lost_messages():
         status = REFUSED
     sys.exit(status)

@@ -381,7 +381,7 @@ def nothing_is_computed(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     Path("mine.toml").write_text(CASES[0])
     Path("file").touch()
-    monkeypatch.setattr(commands, "start_jax", lambda _dtype: None)
+    monkeypatch.setattr(commands, "start_jax", lambda *_, **__: None)
     monkeypatch.setattr(mrjax, "disperse", reached)
     monkeypatch.setattr(processes, "join", reached)
     monkeypatch.setattr(reproduce, "simulated", reached)
