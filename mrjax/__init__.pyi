@@ -1,3 +1,16 @@
+from . import contact as contact
+from . import drag as drag
+from . import figures as figures
+from . import forces as forces
+from . import friction as friction
+from . import hindrance as hindrance
+from . import leapfrog as leapfrog
+from . import particle as particle
+from . import rolling as rolling
+from . import surfaces as surfaces
+from . import theory as theory
+from . import timestep as timestep
+from . import validity as validity
 from .box import Box as Box
 from .column import Column as Column
 from .column import column as column

@@ -1,7 +1,6 @@
 """The container: its size, and on each axis either periodic images or a pair of walls."""
 
 import math
-import sys
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from numbers import Real
@@ -15,6 +14,8 @@ from mrjax.errors import InputError, shown
 from mrjax.permissive import permissive
 
 AXES = ("x", "y", "z")
+SMALLEST, LARGEST = 1e-30, 1e30
+"""Of a quantity in SI: what is beyond cannot be computed with, and is none."""
 
 
 @jax.tree_util.register_static
@@ -37,9 +38,12 @@ class Box:
 
     def __post_init__(self) -> None:
         if not _three(self.size, Real) or not all(
-            0 < length <= sys.float_info.max for length in self.size
+            SMALLEST <= length <= LARGEST for length in self.size
         ):
-            raise InputError(f"size = {shown(self.size)} must be three positive lengths in m")
+            raise InputError(
+                f"size = {shown(self.size)} must be three positive lengths in m, from "
+                f"{SMALLEST:g} to {LARGEST:g}"
+            )
         if not _three(self.periodic, bool):
             raise InputError(
                 f"periodic = {shown(self.periodic)} must be three of true or false, for x, y and z"

@@ -10,6 +10,7 @@ from typing import Any
 import jax
 import numpy as np
 from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
+from jax.typing import ArrayLike
 
 
 def by_numpy(law: Callable, *arguments: Any) -> Any:
@@ -17,14 +18,16 @@ def by_numpy(law: Callable, *arguments: Any) -> Any:
 
     Args:
       law: a function of JAX.
-      arguments: trees of numbers and arrays that are known; under a trace to be called under
+      arguments: trees of numbers and arrays; under a trace to be called under
         `jax.ensure_compile_time_eval`.
+
+    Raises:
+      jax.errors.TracerArrayConversionError: an argument that the law reads is traced.
     """
     traced, shapes = jax.make_jaxpr(law, return_shape=True)(*arguments)
-    leaves = (np.asarray(leaf) for leaf in jax.tree.leaves(arguments))
     try:
         with np.errstate(all="ignore"):  # infinite or not a number without a word, as in JAX
-            found = _evaluated(traced, *leaves)
+            found = _evaluated(traced, *jax.tree.leaves(arguments))
     except _UnknownError:
         return jax.tree.map(np.asarray, law(*arguments))
     return jax.tree.unflatten(jax.tree.structure(shapes), found)
@@ -34,19 +37,19 @@ class _UnknownError(Exception):
     """An operation that is none of those below."""
 
 
-def _evaluated(closed: ClosedJaxpr, *arguments: np.ndarray) -> list[np.ndarray]:
+def _evaluated(closed: ClosedJaxpr, *arguments: ArrayLike) -> list[np.ndarray]:
     jaxpr: Jaxpr = closed.jaxpr
-    values = dict(zip(jaxpr.constvars, map(np.asarray, closed.consts), strict=True))
+    values = dict(zip(jaxpr.constvars, closed.consts, strict=True))
     values |= zip(jaxpr.invars, arguments, strict=True)
 
     def value(variable: Any) -> np.ndarray:
         if isinstance(variable, Literal):
             return np.asarray(variable.val, variable.aval.dtype)  # type: ignore[attr-defined] # an array
-        return values[variable]
+        return np.asarray(values[variable])  # what nothing reads may be traced
 
     for equation in jaxpr.eqns:
         results = _done(equation, [value(variable) for variable in equation.invars])
-        values |= zip(equation.outvars, map(np.asarray, results), strict=True)
+        values |= zip(equation.outvars, results, strict=True)
     return [value(variable) for variable in jaxpr.outvars]
 
 

@@ -29,6 +29,7 @@ from pydantic import BaseModel
 
 from mrjax import cache, files, markers, npz
 from mrjax.errors import InputError
+from mrjax.identity import identity
 from mrjax.markers import ForeignError, Strict
 from mrjax.npz import DamagedError
 from mrjax.text import in_message
@@ -548,7 +549,7 @@ def _environment() -> dict[str, str]:
 def _told(name: str, value: Any) -> Iterator[tuple[str, str]]:
     """All that a value consists of, by name, as text; arrays by a digest."""
     if isinstance(value, jax.tree_util.Partial):
-        value = {"law": value.func.__qualname__, **value.keywords}
+        value = {"law": identity(value.func), "arguments": value.args, **value.keywords}
     elif isinstance(value, BaseModel):
         value = dict(value)
     elif dataclasses.is_dataclass(value):

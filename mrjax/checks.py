@@ -1,16 +1,86 @@
 """What can be said against a call of `simulate` before it runs; concrete values only."""
 
 import dataclasses
+import math
 from numbers import Real
+from typing import Any
 
 import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from mrjax.box import AXES, Box
+from mrjax.box import AXES, LARGEST, SMALLEST, Box
 from mrjax.concrete import concrete
-from mrjax.errors import InputError
+from mrjax.errors import InputError, shown
 from mrjax.parameters import Parameters
+from mrjax.state import State
+
+MOST = 2**31 - 1
+"""Of what is counted."""
+
+INSTEAD = {
+    "State": "a state of particles, from mrjax.place or mrjax.disperse",
+    "Parameters": "mrjax.Parameters, such as recipe.parameters()",
+    "Box": "mrjax.Box((x, y, z)), in m",
+    "Recipe": 'mrjax.Recipe, such as mrjax.Recipe.load("case2")',
+    "Run": "a run, from mrjax.simulate or mrjax.settle",
+}
+"""What to give where something of another kind was given, by the name of the kind."""
+
+
+def of_kind(kind: type, **arguments: Any) -> None:
+    """Passes arguments that are of a kind: not those that were swapped.
+
+    Args:
+      kind: one of `INSTEAD`.
+      arguments: by name.
+
+    Raises:
+      InputError: the first that is something else.
+    """
+    for name, value in arguments.items():
+        if not isinstance(value, kind):
+            given = f"{name} is {type(value).__module__}.{type(value).__qualname__}, {shown(value)}"
+            raise InputError(f"{given.removeprefix('builtins.')}: give {INSTEAD[kind.__name__]}")
+
+
+def good(run: Any) -> None:
+    """Passes a run whose numbers may be read.
+
+    Raises:
+      InputError: it is no run.
+      SimulationError: it is not to be trusted.
+    """
+    check = getattr(run, "check", None)
+    if check is None or isinstance(run, type):
+        raise InputError(f"run is {type(run).__name__}, {shown(run)}: give {INSTEAD['Run']}")
+    check()
+
+
+def of_run(state: Any, parameters: Any, box: Any) -> None:
+    """Passes what a run begins with.
+
+    Raises:
+      InputError: the first that is of another kind.
+    """
+    of_kind(State, state=state)
+    of_kind(Parameters, parameters=parameters)
+    of_kind(Box, box=box)
+
+
+def numeric(value: Any) -> np.ndarray | None:
+    """What is given as a number or an array of them, known; None where it is traced.
+
+    Raises:
+      ValueError: it is none.
+    """
+    try:
+        known = concrete(value)
+    except (TypeError, OverflowError) as error:  # such as an integer of hundreds of digits
+        raise ValueError(error) from None
+    if known is not None and known.dtype.kind not in "fiu":
+        raise ValueError(f"{type(value).__name__} is no number")
+    return known
 
 
 def positive(value: ArrayLike, name: str, unit: str) -> float:
@@ -19,27 +89,49 @@ def positive(value: ArrayLike, name: str, unit: str) -> float:
     Raises:
       InputError: it is traced, or not a positive number.
     """
-    known = concrete(value)
+    try:
+        known = numeric(value)
+    except ValueError:
+        raise InputError(f"{name} = {shown(value)} must be a positive number of {unit}") from None
     if known is None:
         raise InputError(
             f"{name} is traced by jit or vmap; it fixes the number of steps, so give a number in "
             f"{unit}"
         )
-    if known.ndim or known.dtype.kind not in "fiu" or not np.isfinite(known) or known <= 0:
-        raise InputError(f"{name} = {value} must be a positive number of {unit}")
+    if known.ndim or not np.isfinite(known) or known <= 0:
+        raise InputError(f"{name} = {shown(value)} must be a positive number of {unit}")
+    if not SMALLEST <= known <= LARGEST:
+        raise InputError(
+            f"{name} = {float(known):.6g}: must be between {SMALLEST:g} and {LARGEST:g} {unit}"
+        )
     return float(known)
 
 
-def whole(value: int, name: str) -> int:
+def whole(value: int, name: str, most: int = MOST) -> int:
     """A whole number, at least 1.
+
+    Raises:
+      InputError: it is not, or more than `most`.
+    """
+    number = isinstance(value, Real) and not isinstance(value, bool)
+    if not number or value != value or not value >= 1 or (value <= most and int(value) != value):
+        raise InputError(f"{name} = {shown(value)} must be a whole number, at least 1")
+    if value > most:
+        raise InputError(f"{name} = {shown(value)}: more than {most}; give fewer")
+    return int(value)
+
+
+def share(value: float, name: str, *, whole: bool = False) -> float:
+    """A number above 0 and below 1, or up to 1.
 
     Raises:
       InputError: it is not.
     """
+    bound = "at most 1" if whole else "below 1"
     number = isinstance(value, Real) and not isinstance(value, bool)
-    if not number or not np.isfinite(value) or int(value) != value or value < 1:
-        raise InputError(f"{name} = {value} must be a whole number, at least 1")
-    return int(value)
+    if not number or not 0.0 < value <= 1.0 or (value == 1.0 and not whole):
+        raise InputError(f"{name} = {shown(value)} must be a number above 0 and {bound}")
+    return float(value)
 
 
 def meaningful(parameters: Parameters, particles: int, material: Array | None) -> None:
@@ -54,30 +146,78 @@ def meaningful(parameters: Parameters, particles: int, material: Array | None) -
     materials = 1 if material is None else None if index is None else int(index.max()) + 1
     for quantity in dataclasses.fields(parameters):
         leaf = getattr(parameters, quantity.name)
-        if isinstance(leaf, list | tuple):
-            raise InputError(f"{quantity.name} is a list; give a number or an array")
+        values = _numbers(leaf, quantity.name)
         if quantity.metadata["pair"]:
             _table(leaf, quantity.name, materials, material is None)
+        elif quantity.metadata["wall"]:
+            if np.shape(leaf) != ():
+                raise InputError(
+                    f"{quantity.name} has shape {np.shape(leaf)}; all walls are of one material: "
+                    "give one number"
+                )
         elif np.shape(leaf) not in ((), (particles,)):
             raise InputError(
                 f"{quantity.name} has shape {np.shape(leaf)}; give one number, or one for each of "
                 f"the {particles} particles"
             )
-        values = concrete(leaf)
-        if values is None:
-            continue
-        values = np.asarray(values, float)  # float32 cannot hold the bounds
-        above, least, most = (quantity.metadata[key] for key in ("above", "least", "most"))
-        good = (values > above) & (values >= least) & (values <= most)
-        if not np.all(good):
-            bound = f"above {above:g}" if np.isfinite(above) else "finite"
-            bound = f"at least {least:g}" if np.isfinite(least) else bound
-            bound += f", at most {most:g}" if most < 1e300 else ""
-            unit = quantity.metadata["unit"]
-            raise InputError(
-                f"{quantity.name} = {values[~good][0] if values.ndim else values} must be {bound}"
-                + (f", in {unit}" if unit != "1" else "")
-            )
+        if values is not None:
+            _in_range(quantity, values)
+
+
+def in_range(parameters: Parameters) -> None:
+    """Refuses leaves that are no numbers or out of their range, where they are known.
+
+    Raises:
+      InputError: the first such leaf.
+    """
+    for quantity in dataclasses.fields(parameters):
+        values = _numbers(getattr(parameters, quantity.name), quantity.name)
+        if values is not None:
+            _in_range(quantity, values)
+
+
+def _numbers(leaf: Any, name: str) -> np.ndarray | None:
+    """The values of a leaf; None where it is traced.
+
+    Raises:
+      InputError: they are no numbers.
+    """
+    if isinstance(leaf, list | tuple):
+        raise InputError(f"{name} is a list; give a number or an array")
+    try:
+        return numeric(leaf)
+    except ValueError:
+        raise InputError(f"{name} = {shown(leaf)}: give a number or an array of numbers") from None
+
+
+def _in_range(quantity: dataclasses.Field, values: np.ndarray) -> None:
+    """Refuses values of a leaf that mean nothing.
+
+    Raises:
+      InputError: the first such value.
+    """
+    values = np.asarray(values, float)  # float32 cannot hold the bounds
+    above, least, most = (quantity.metadata[key] for key in ("above", "least", "most"))
+    good = (values > above) & (values >= least) & (values <= most)
+    if not np.all(good):
+        bound = f"above {above:g}" if np.isfinite(above) else "finite"
+        bound = f"at least {least:g}" if np.isfinite(least) else bound
+        bound += f", at most {most:g}" if most < 1e300 else ""
+        unit = quantity.metadata["unit"]
+        raise InputError(
+            f"{quantity.name} = {values[~good][0] if values.ndim else values} must be {bound}"
+            + (f", in {unit}" if unit != "1" else "")
+        )
+    size = np.abs(values)
+    # What may be zero may be as small as it likes.
+    extreme = (size > LARGEST) & ~(np.isinf(values) & math.isinf(most))
+    extreme |= (size < SMALLEST) & (above == 0.0)
+    if np.any(extreme):
+        raise InputError(
+            f"{quantity.name} = {values[extreme][0] if values.ndim else values}: no quantity "
+            f"in {quantity.metadata['unit']} is so large or small; give one between "
+            f"{SMALLEST:g} and {LARGEST:g}"
+        )
 
 
 def _table(leaf: ArrayLike, name: str, materials: int | None, one: bool) -> None:
@@ -106,6 +246,24 @@ def _table(leaf: ArrayLike, name: str, materials: int | None, one: bool) -> None
             f"{name}[{i}, {j}] = {values[i, j]:g} and {name}[{j}, {i}] = {values[j, i]:g}: the "
             "same two materials; give a symmetric table"
         )
+
+
+def in_reach(state: State) -> None:
+    """Refuses positions, velocities and spins so large that they cannot be computed with.
+
+    Raises:
+      InputError: the first particle that has one, in m, m/s or rad/s.
+    """
+    for name in ("position", "velocity", "spin"):
+        values = concrete(getattr(state, name))
+        if values is None:
+            continue
+        beyond = np.isfinite(values) & (np.abs(values) > LARGEST)
+        for row, axis in np.argwhere(beyond):
+            raise InputError(
+                f"particle {row} has {name} {values[row, axis]:.4g} along {AXES[axis]}: give less "
+                f"than {LARGEST:g}, in SI"
+            )
 
 
 def inside_walls(position: np.ndarray | None, box: Box) -> None:
@@ -154,14 +312,18 @@ def wide_enough(box: Box, particles: int, cutoff: float) -> None:
 
 
 def may_touch(
-    position: np.ndarray | None, radius: np.ndarray, box: Box, travel: float, diameter: float
+    position: np.ndarray | None,
+    radius: np.ndarray | None,
+    box: Box,
+    travel: float | None,
+    diameter: float,
 ) -> bool:
     """Whether surfaces may come into contact while they approach each other by `travel`, m.
 
-    True where positions, (N, 3) in m, or the travel are traced or not finite. `radius` is () or
-    (N,), in m; `diameter`, m, is about the largest contact diameter.
+    True where positions, (N, 3) in m, radius or travel are traced, None, or where a position is not
+    finite. `radius` is () or (N,), in m; `diameter`, m, is about the largest contact diameter.
     """
-    if position is None or np.isnan(travel) or not np.isfinite(position).all():
+    if position is None or radius is None or travel is None or not np.isfinite(position).all():
         return True
     radius = np.broadcast_to(radius, position.shape[:1])
     for axis in box.walled_axes:

@@ -2,8 +2,10 @@
 
 d phi/dt = d/dz f(phi),  f(phi) = phi v(phi)                                      (Kynch 1952)
 
-with z upwards from the floor, both ends closed, v the terminal velocity with the f_w of each volume
-fraction, and a bed that is either rigid at phi_m or compressible (`mrjax.compression`).
+with z from the floor towards the clear fluid, both ends closed, v the terminal velocity with the
+f_w of each volume fraction, and a bed that is rigid at phi_m or compressible (`mrjax.compression`).
+
+Particles lighter than the fluid settle towards the lid in the same way: z then points down from it.
 
 Finite volumes: Godunov's flux from a table (`mrjax.kynch`) between values at the faces of linear
 profiles in the cells, Heun's steps (Shu & Osher 1988), the stress implicit. Conservative; keeps the
@@ -20,14 +22,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
-from jax.tree_util import Partial
 from jax.typing import ArrayLike, DTypeLike
 
 from mrjax import checks, compression, kynch, particle
 from mrjax.compression import Compression
-from mrjax.concrete import concrete, known
-from mrjax.errors import InputError
-from mrjax.hindrance import Hindrance
+from mrjax.concrete import concrete, known, where_known
+from mrjax.errors import InputError, shown
+from mrjax.hindrance import Hindrance, as_tree
 from mrjax.parameters import Parameters
 from mrjax.theory import terminal_velocity
 
@@ -35,7 +36,7 @@ REACH = 0.5
 """Most cells that a front may cross in a step: each half of a cell is a cell to its own face."""
 CHOSEN = 0.95
 """Share of that in a step that is chosen."""
-MOST_STEPS = 10**8
+MOST_STEPS, MOST_CELLS = 10**8, 10**6
 
 
 @jax.tree_util.register_dataclass
@@ -52,6 +53,9 @@ class Column:
     mudline: Array
     """Height of the interface to the clear fluid, (T,) in m.
 
+    What follows is of particles that sink; of those that rise it is the lower interface, in the
+    mirror.
+
     Every cell counts with its share below the interface: all of it where the cell above is at least
     as dense as the suspension was, else its solid over what it would hold at the fraction of the
     cell below it, or at the initial one if that is more. So a front is read by its solid, not by a
@@ -60,13 +64,15 @@ class Column:
     starts at the height, and rests on a rigid bed at height x volume_fraction / bed_fraction.
     """
     bed_front: Array
-    """Height of the top of the bed, (T,) in m.
+    """Height of the top of the bed, or of the bottom of one under the lid; (T,) in m.
 
     By its solid, too: the excess over the fraction that meets the bed (`kynch.above_bed`). Less
     than a cell of suspension over it is none, and the front is the mudline; from there to two cells
     it is led over linearly. Exact under a uniform suspension; where a fan of concentrations hangs
     on the bed it lags by a cell or two. A compressible bed begins at its gel fraction.
     """
+    sedimentation_ratio: Array
+    """What the suspension and its bed still fill of the initial height; 1, (T,)."""
     volume_fraction: Array
     """Mean of every cell, (T, C); 1."""
     levels: Array
@@ -77,11 +83,6 @@ class Column:
     """Cells that the fastest front crosses in a step; 1, ()."""
     steps: int = field(metadata={"static": True})
     """Number of equal steps; each of the times adds one by cutting another."""
-
-    @property
-    def sedimentation_ratio(self) -> Array:
-        """Mudline over initial height; 1, (T,)."""
-        return self.mudline / self.initial_height
 
 
 Carry = tuple[Array, Array, Array]
@@ -101,12 +102,22 @@ class _Case(NamedTuple):
 
     def as_arrays(self) -> "_Case":
         """With the closure and the times as one leaf or tree of arrays."""
-        times, hindrance = self.times, self.hindrance
+        times = self.times
+        try:
+            checks.numeric(times)
+        except ValueError:
+            raise InputError(
+                f"times = {shown(times)}: give one row of numbers in s, shape (T,)"
+            ) from None
         if not isinstance(times, Array):
             times = jnp.asarray(times) if concrete(times) is None else np.asarray(times, float)
-        if hindrance is not None and not isinstance(hindrance, Partial):
-            hindrance = Partial(hindrance)
-        return self._replace(times=times, hindrance=hindrance)
+        return self._replace(times=times, hindrance=as_tree(self.hindrance))
+
+    def sinking(self) -> tuple["_Case", Array]:
+        """The mirror image of what rises, else the same; and whether it rises, ()."""
+        rising = particle.rises(self.parameters)
+        gravity = jnp.where(rising, -self.parameters.gravity, self.parameters.gravity)
+        return self._replace(parameters=self.parameters.replace(gravity=gravity)), rising
 
     def astype(self, dtype: DTypeLike) -> "_Case":
         return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype), self)
@@ -124,7 +135,7 @@ def column(
     cells: int = 200,
     steps: int | None = None,
 ) -> Column:
-    """Lets a column of uniform suspension settle.
+    """Lets a column of uniform suspension settle, or cream.
 
     Pure: works under `jit`, `grad`, `jvp` and `vmap`, in the dtype of `parameters.radius`. Reverse
     mode stores as many profiles as twice the square root of the number of steps.
@@ -166,8 +177,8 @@ def column(
         _Case(parameters, height, volume_fraction, bed_fraction, times, hindrance, compression),
         cells,
     )
-    steps = _chosen(fewest) if steps is None else checks.whole(steps, "steps")
-    if steps < fewest * (1.0 - 1e-6):  # never where that is not known
+    steps = _chosen(fewest) if steps is None else checks.whole(steps, "steps", MOST_STEPS)
+    if fewest is not None and steps < fewest * (1.0 - 1e-6):
         raise InputError(
             f"steps = {steps}: a front would cross more than half a cell in a step; give at least "
             f"{math.ceil(fewest)}, or leave steps out"
@@ -209,6 +220,7 @@ def column_steps(
 @partial(jax.jit, static_argnames=("cells", "steps"))
 def _settled(case: _Case, *, cells: int, steps: int) -> Column:
     """The compiled whole, with the height of a cell and a step as units."""
+    case, rising = case.sinking()
     initial, densest = case.volume_fraction, case.bed_fraction
     cell = case.height / cells
     flux = _flux(case, cells, steps)
@@ -222,11 +234,16 @@ def _settled(case: _Case, *, cells: int, steps: int) -> Column:
     # A factor, not a choice: the derivative of what must not be used is NaN too.
     possible = _possible(case, flux) & (courant <= REACH * (1.0 + 1e-5))
     sound = jnp.where(possible, 1.0, jnp.nan).astype(initial.dtype)
+
+    def level(of_cells: Array) -> Array:
+        return jnp.where(rising, case.height - cell * of_cells, cell * of_cells)
+
     return Column(
         times=case.times,
-        mudline=sound * cell * mudline,
-        bed_front=sound * cell * bed_front,
-        volume_fraction=sound * profiles,
+        mudline=sound * level(mudline),
+        bed_front=sound * level(bed_front),
+        sedimentation_ratio=sound * cell * mudline / case.height,
+        volume_fraction=sound * jnp.where(rising, profiles[:, ::-1], profiles),
         levels=sound * cell * (jnp.arange(cells, dtype=initial.dtype) + 0.5),
         initial_height=sound * case.height,
         courant=courant,
@@ -368,13 +385,13 @@ def _possible(case: _Case, flux: kynch.Table) -> Array:
     return ascending & fractions & (case.bed_fraction < 1.0) & (case.height > 0.0) & settles
 
 
-def _accepted(case: _Case, cells: int) -> tuple[_Case, int, float]:
-    """A case that can be, its cells, and the fewest steps that it takes; NaN where it is traced.
+def _accepted(case: _Case, cells: int) -> tuple[_Case, int, float | None]:
+    """A case that can be, its cells, and the fewest steps that it takes; None where it is traced.
 
     Raises:
       InputError: what describes no column.
     """
-    case, cells = case.as_arrays(), checks.whole(cells, "cells")
+    case, cells = case.as_arrays(), checks.whole(cells, "cells", MOST_CELLS)
     _refuse(case)
     return case, cells, _fewest_steps(case, cells)
 
@@ -382,38 +399,40 @@ def _accepted(case: _Case, cells: int) -> tuple[_Case, int, float]:
 @jax.jit
 def _speeds(case: _Case) -> tuple[kynch.Table, Array]:
     """The flux and the fastest front, m/s."""
+    case, _ = case.sinking()
     flux = kynch.table(case.parameters, case.hindrance, case.volume_fraction, case.bed_fraction)
     return flux, _fastest_front(case, flux)
 
 
-def _fewest_steps(case: _Case, cells: int) -> float:
-    """In which no front crosses more than half a cell; NaN where something is traced.
+def _fewest_steps(case: _Case, cells: int) -> float | None:
+    """In which no front crosses more than half a cell; None where something is traced.
 
     Raises:
       InputError: particles that do not settle at every volume fraction.
     """
-    if any(concrete(leaf) is None for leaf in jax.tree.leaves(case)):
-        return math.nan
-    with jax.ensure_compile_time_eval():
-        numbers = known(case)
-        flux, speed = _speeds(numbers)
+    numbers = known(case)
+    found = where_known(_speeds, numbers)
+    if found is None:
+        return None
+    flux, speed = found
     for fraction, solid in zip(np.asarray(flux.fraction), np.asarray(flux.flux), strict=True):
         if not 0.0 <= solid < np.inf:
             raise InputError(
                 f"at a volume fraction of {fraction:.3g} the particles would settle at "
                 f"{solid / fraction:.3g} m/s; give a hindrance that holds up to bed_fraction = "
-                f"{float(numbers.bed_fraction):.3g}, in a viscous fluid that is lighter than they"
+                f"{float(numbers.bed_fraction):.3g}, in a viscous fluid"
             )
-    return float(speed * numbers.times[-1] / numbers.height) * cells / REACH
+    last, height = (float(np.ravel(of)[-1]) for of in (numbers.times, numbers.height))
+    return float(speed) * last / height * cells / REACH
 
 
-def _chosen(fewest: float) -> int:
+def _chosen(fewest: float | None) -> int:
     """Not quite the fewest steps, to four binary digits.
 
     Raises:
       InputError: they are not known, or more than can be waited for.
     """
-    if math.isnan(fewest):
+    if fewest is None:
         raise InputError(
             "what settles is traced by jit or vmap, so column cannot choose its steps; give "
             "steps=mrjax.column_steps(...), computed outside from plain numbers"
@@ -434,6 +453,7 @@ def _refuse(case: _Case) -> None:
     Raises:
       InputError: the first such argument.
     """
+    checks.of_kind(Parameters, parameters=case.parameters)
     velocity = jnp.shape(terminal_velocity(case.parameters))
     if velocity != ():
         raise InputError(
@@ -442,7 +462,7 @@ def _refuse(case: _Case) -> None:
         )
     checks.meaningful(case.parameters, 1, None)
     _number(case.height, "height", math.inf, "m")
-    bed = _number(case.bed_fraction, "bed_fraction", 1.0, "1")
+    bed = _number(case.bed_fraction, "bed_fraction", 1.0, "1") or 1.0
     _number(case.volume_fraction, "volume_fraction", bed, "1")
     if case.compression is not None:
         _number(case.compression.gel_fraction, "gel_fraction", bed, "1")
@@ -451,23 +471,26 @@ def _refuse(case: _Case) -> None:
     _refuse_times(case.times)
 
 
-def _number(value: ArrayLike, name: str, below: float, unit: str) -> float:
-    """A number above zero and below a bound; NaN where it is traced, then no bound to others.
+def _number(value: ArrayLike, name: str, below: float, unit: str) -> float | None:
+    """A number above zero and below a bound; None where it is traced.
 
     Raises:
       InputError: it is not.
     """
-    number = concrete(value)
-    if np.shape(value) != () or (number is not None and number.dtype.kind not in "fiu"):
-        raise InputError(f"{name} = {value}: give one number, in {unit}")
-    if number is None:
-        return math.nan
+    try:
+        number = checks.numeric(value)
+    except ValueError:
+        number = np.zeros(2)  # whatever it is, it is not one number
+    if number is None and np.shape(value) == ():
+        return None
+    if number is None or number.ndim:
+        raise InputError(f"{name} = {shown(value)}: give one number, in {unit}")
     if not number > 0.0 or not np.isfinite(number) or number >= below:
         bound = ""
         if math.isfinite(below):
             bound = f" and below {below:.6g}" + (", bed_fraction" if below < 1.0 else "")
         raise InputError(f"{name} = {float(number):.6g} must be above 0{bound}, in {unit}")
-    return float(number)
+    return checks.positive(float(number), name, unit)
 
 
 def _refuse_times(times: Array | np.ndarray) -> None:
@@ -484,6 +507,8 @@ def _refuse_times(times: Array | np.ndarray) -> None:
     for number, time in enumerate(numbers):
         if not 0.0 <= time < np.inf:
             raise InputError(f"times[{number}] = {time:.6g} must be at least 0 and finite, in s")
+        if time != 0.0:
+            checks.positive(time, f"times[{number}]", "s")
         if number > 0 and not time > numbers[number - 1]:
             raise InputError(
                 f"times[{number}] = {time:.6g} s is not after {numbers[number - 1]:.6g} s; give "

@@ -15,10 +15,11 @@ import numpy as np
 from jax import Array, lax
 from jax.typing import ArrayLike
 
+from mrjax import checks
 from mrjax.box import Box
 from mrjax.concrete import concrete
 from mrjax.errors import InputError
-from mrjax.run import Run
+from mrjax.run import Run, from_bed
 
 CELLS = 20
 """Cells in a slab one diameter thick; a profile has one level for each cell."""
@@ -65,19 +66,22 @@ def concentration(run: Run, levels: ArrayLike, thickness: ArrayLike) -> Array:
       InputError: levels or a thickness that are no slabs, or a box without a floor.
       SimulationError: the run is not to be trusted.
     """
-    run.check()
-    known = concrete(thickness)
-    if known is not None and not (known.ndim == 0 and known > 0):
-        raise InputError(f"thickness = {thickness} must be one positive length in m")
+    checks.good(run)
+    if concrete(thickness) is not None:
+        checks.positive(thickness, "thickness", "m")
+    if np.ndim(levels) != 1:
+        raise InputError(
+            f"levels have shape {np.shape(levels)}; give one row of heights, shape (Z,)"
+        )
     middle = jnp.asarray(levels, run.heights.dtype)
-    if middle.ndim != 1:
-        raise InputError(f"levels have shape {middle.shape}; give one row of heights, shape (Z,)")
     half = jnp.asarray(0.5 * thickness, run.heights.dtype)
     return _of_slabs(run.heights, run.radius, middle, half, _with_floor(run.box))
 
 
 def half_concentration(run: Run) -> Array:
     """Height of the front at half the bulk's concentration; m, (frames + 1,).
+
+    Where particles rise, of the lower front: all that follows in the mirror.
 
     The highest level at which phi of a sliding slab, one largest diameter d thick, falls below half
     of the bulk value. The bulk is the mean of phi between d and 0.6 of the top of the highest
@@ -93,14 +97,17 @@ def half_concentration(run: Run) -> Array:
       InputError: a box without a floor.
       SimulationError: the run is not to be trusted.
     """
-    run.check()
-    return _half_concentration(run.heights, run.radius, _with_floor(run.box))
+    checks.good(run)
+    box, heights = _with_floor(run.box), from_bed(run, run.heights)
+    return from_bed(run, _half_concentration(heights, run.radius, box))
 
 
 def bed_front(
     run: Run, bed_fraction: ArrayLike, initial_fraction: ArrayLike | None = None
 ) -> Array:
-    """Height of the top of the packed bed; m, (frames + 1,).
+    """Height of the top of the packed bed, or of its bottom under the lid; m, (frames + 1,).
+
+    Where particles rise, all that follows in the mirror.
 
     The lowest level at which phi falls below half-way between the bed's and what lies above it,
     of slabs two largest diameters d thick, which evens out the layers of a packing; linear between
@@ -127,14 +134,15 @@ def bed_front(
       InputError: a box without a floor.
       SimulationError: the run is not to be trusted.
     """
-    run.check()
+    checks.good(run)
     box = _with_floor(run.box)
     if initial_fraction is None:
         initial_fraction = 4.0 / 3.0 * jnp.pi * jnp.sum(run.radius**3) / box.volume
     bed, initial = (
         jnp.asarray(fraction, run.heights.dtype) for fraction in (bed_fraction, initial_fraction)
     )
-    return _bed_front(run.heights, run.radius, bed, initial, box)
+    heights = from_bed(run, run.heights)
+    return from_bed(run, _bed_front(heights, run.radius, bed, initial, box))
 
 
 @jax.jit

@@ -1,14 +1,18 @@
-"""Values that fix the shapes of a run must be known while it is traced."""
+"""Values that fix the shapes of a run must be known while it is traced; others need not be."""
 
-from typing import TypeVar
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array, errors, lax
+from jax import errors, lax
 from jax.typing import ArrayLike
 
 Tree = TypeVar("Tree")
+
+TRACED = (errors.TracerArrayConversionError, errors.ConcretizationTypeError)
+"""What JAX raises where a number is wanted of a traced value."""
 
 
 def concrete(value: ArrayLike) -> np.ndarray | None:
@@ -18,18 +22,30 @@ def concrete(value: ArrayLike) -> np.ndarray | None:
     """
     try:
         return np.asarray(lax.stop_gradient(value) if isinstance(value, jax.core.Tracer) else value)
-    except (errors.TracerArrayConversionError, errors.ConcretizationTypeError):
+    except TRACED:
         return None
 
 
 def known(tree: Tree) -> Tree:
-    """The same tree of numbers; NaN where traced, which spreads to all that depends on it.
+    """The same tree of numbers, without what differentiates them; traced ones stay as they are."""
 
-    To be called, and computed with, under `jax.ensure_compile_time_eval`.
-    """
-
-    def number(leaf: ArrayLike) -> Array:
+    def number(leaf: ArrayLike) -> ArrayLike:
         value = concrete(leaf)
-        return jnp.asarray(np.nan if value is None else value, float)
+        return leaf if value is None else jnp.asarray(value, float)
 
-    return jax.tree.map(number, tree)
+    with jax.ensure_compile_time_eval():
+        return jax.tree.map(number, tree)
+
+
+def where_known(law: Callable, *arguments: Any) -> Any:
+    """What a law gives as numpy arrays; None where it hangs on a value that is traced.
+
+    Args:
+      law: of JAX or numpy.
+      arguments: as `known` gives them. Those that the law does not read may be traced.
+    """
+    try:
+        with jax.ensure_compile_time_eval():
+            return jax.tree.map(np.asarray, law(*arguments))
+    except TRACED:
+        return None

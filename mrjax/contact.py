@@ -21,6 +21,10 @@ infinite. At 1e-7 R*, the overlap of a 4 um iron particle at rest, the force cha
 """
 
 
+LEAST_DISTANCE = 1e-8
+"""Of two centres, in radii, where they are at one place: what is divided by."""
+
+
 def effective_modulus(
     modulus_i: ArrayLike, poisson_i: ArrayLike, modulus_j: ArrayLike, poisson_j: ArrayLike
 ) -> Array:

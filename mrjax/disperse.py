@@ -14,7 +14,7 @@ import numpy as np
 from jax import Array, lax
 from jax.typing import DTypeLike
 
-from mrjax import neighbours, particle, randomness
+from mrjax import checks, neighbours, particle, randomness
 from mrjax._jax_md import minimize
 from mrjax.box import Box
 from mrjax.errors import InputError
@@ -50,6 +50,7 @@ def disperse(recipe: Recipe, seed: int = 0, *, dtype: DTypeLike = float) -> Stat
       >>> state.position.shape
       (314, 3)
     """
+    checks.of_kind(Recipe, recipe=recipe)
     parameters = recipe.parameters()
     particles = recipe.particle_count
     radius = np.broadcast_to(np.asarray(particle.outer_radius(parameters)), (particles,))

@@ -1,16 +1,17 @@
 """What is to be expected of a run to rest before it begins: how long it takes, by which steps."""
 
 from functools import partial
+from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.typing import ArrayLike
 
 from mrjax import particle, soften, theory, timestep
 from mrjax.box import Box
 from mrjax.by_numpy import by_numpy
-from mrjax.concrete import known
+from mrjax.concrete import concrete, known, where_known
 from mrjax.errors import InputError
 from mrjax.hindrance import BED, Hindrance
 from mrjax.parameters import Parameters, per_particle
@@ -28,27 +29,64 @@ INERTIAL = 8.0
 """How much shorter a step must be where drag does not damp contacts: an impact takes about 20."""
 
 
-def duration(numbers: Parameters, box: Box, particles: int, top: float) -> tuple[float, float]:
-    """About how long the particles fall, s, and how fast, m/s.
+TRACED = "the parameters are traced by jit or vmap; settle cannot be"
 
-    Args:
-      numbers: parameters, not a number where they are traced.
-      box: the container.
-      particles: N.
-      top: of the highest particle, m.
+
+class Way(NamedTuple):
+    """How far the interfaces of a suspension are from where they may come to rest, at most; m."""
+
+    down: float  # the top of the highest particle that sinks, above the floor
+    up: float  # the bottom of the lowest particle that rises, below the lid
+
+
+def ways(numbers: Parameters, box: Box, centres: ArrayLike) -> Way:
+    """Of particles at these centres, (N, 3) in m; 0 where none sinks or none rises.
 
     Raises:
-      InputError: nothing pulls them down, or parameters that are traced.
+      InputError: centres or parameters that are traced.
     """
-    with jax.ensure_compile_time_eval():
-        pull, terminal, solid, largest = map(
-            float, by_numpy(partial(_falling, particles=particles), numbers)
-        )
-    if np.isnan(pull) or (np.isnan(terminal) and pull > 0):
-        raise InputError("the parameters are traced by jit or vmap; settle cannot be")
+    position = concrete(centres)
+    found = where_known(lambda: (particle.outer_radius(numbers), particle.net_weight(numbers)))
+    if found is None or position is None:
+        raise InputError(TRACED)
+    radius, weight = (np.broadcast_to(of, len(position)) for of in found)
+    above_floor, below_lid = position[:, 2] + radius, box.height - position[:, 2] + radius
+    return Way(
+        float(np.max(above_floor, where=weight > 0.0, initial=0.0)),
+        float(np.max(below_lid, where=weight < 0.0, initial=0.0)),
+    )
+
+
+def duration(numbers: Parameters, box: Box, particles: int, way: Way) -> tuple[float, float]:
+    """About how long the particles fall, or rise, s, and how fast, m/s.
+
+    Those without a net weight stay where they are.
+
+    Args:
+      numbers: of the particles and the fluid.
+      box: the container.
+      particles: N.
+      way: of both interfaces.
+
+    Raises:
+      InputError: nothing pulls them, no floor and lid ends their way, or parameters are traced.
+    """
+    found = where_known(by_numpy, partial(_falling, particles=particles), numbers)
+    if found is None:
+        raise InputError(TRACED)
+    pull, terminal, sinking, rising, largest = map(float, found)
     if not pull > 0:
-        raise InputError("nothing pulls the particles down: gravity or net weight is not positive")
-    fall = max(top - solid / (PACKED * box.size[0] * box.size[1]), largest)
+        raise InputError(
+            "nothing pulls the particles down or up: gravity or the net weight of each is zero"
+        )
+    if box.periodic[2]:
+        raise InputError(
+            "the box is periodic along z, where nothing comes to rest; give Box(..., "
+            "periodic=(..., ..., False))"
+        )
+    packed = PACKED * box.size[0] * box.size[1]
+    both = zip(way, (sinking, rising), strict=True)
+    fall = max(largest, *(far - solid / packed for far, solid in both if solid > 0.0))
     free = float(np.sqrt(2.0 * pull * fall))
     falling = min(free, terminal)
     return max(fall / terminal, 2.0 * fall / free), falling
@@ -76,16 +114,18 @@ def step(
     Raises:
       InputError: no step would do.
     """
-    with jax.ensure_compile_time_eval():
-        law = partial(_overlaps, box=box, particles=particles, falling=falling)
-        resting, alone, impact, fraction = map(float, by_numpy(law, numbers))
-        layers = [(numbers, resting)]
-        if hindrance is not None:
-            layers = [
-                (numbers.replace(f_w=by_numpy(known(hindrance), share)), overlap)
-                for share, overlap in ((BED, resting), (THIN * fraction, alone))
-            ]
-        longest = min(_stable(layer, max(overlap, impact)) for layer, overlap in layers)
+    law = partial(_overlaps, box=box, particles=particles, falling=falling)
+    found = where_known(by_numpy, law, numbers)
+    if found is None:
+        raise InputError(TRACED)
+    resting, alone, impact, fraction = map(float, found)
+    layers = [(numbers, resting)]
+    if hindrance is not None:
+        layers = [
+            (numbers.replace(f_w=_felt(hindrance, share)), overlap)
+            for share, overlap in ((BED, resting), (THIN * fraction, alone))
+        ]
+    longest = min(_stable(layer, max(overlap, impact)) for layer, overlap in layers)
     if not longest > 0.0:
         raise InputError(
             "the dashpots of contacts are so strong that no step is stable: give less dissipation"
@@ -93,19 +133,45 @@ def step(
     return longest
 
 
+def _felt(hindrance: Hindrance, share: float) -> np.ndarray:
+    """f_w at a volume fraction.
+
+    Raises:
+      InputError: it is traced.
+    """
+    found = where_known(by_numpy, known(hindrance), share)
+    if found is None:
+        raise InputError(TRACED)
+    return found
+
+
 def _stable(numbers: Parameters, overlap: float) -> float:
-    """Of a random bed with this deepest overlap, m, that a dry impact is resolved by, too; s."""
-    stable, relaxation = map(float, by_numpy(_limits, numbers, overlap))
+    """Of a random bed with this deepest overlap, m, that a dry impact is resolved by, too; s.
+
+    Raises:
+      InputError: parameters that are traced.
+    """
+    found = where_known(by_numpy, _limits, numbers, overlap)
+    if found is None:
+        raise InputError(TRACED)
+    stable, relaxation = map(float, found)
     return stable if relaxation < stable else stable / INERTIAL
 
 
 def _falling(numbers: Parameters, particles: int) -> tuple[Array, ...]:
-    """Greatest pull, m/s^2, least terminal velocity, m/s, volume, m^3, and largest radius, m."""
+    """Greatest pull, m/s^2, and least terminal speed of what is pulled, m/s.
+
+    Then the volume of what sinks and of what rises, m^3, and the largest radius, m.
+    """
     radius = per_particle(particle.outer_radius(numbers), particles)
+    volume = 4 / 3 * jnp.pi * radius**3
+    weight = per_particle(particle.net_weight(numbers), particles)
+    speed = per_particle(jnp.abs(theory.terminal_velocity(numbers)), particles)
     return (
-        jnp.max(particle.net_weight(numbers) / particle.inertia(numbers)),
-        jnp.min(theory.terminal_velocity(numbers)),
-        jnp.sum(4 / 3 * jnp.pi * radius**3),
+        jnp.max(jnp.abs(particle.net_weight(numbers) / particle.inertia(numbers))),
+        jnp.min(jnp.where(weight != 0.0, speed, jnp.inf)),
+        jnp.sum(jnp.where(weight > 0.0, volume, 0.0)),
+        jnp.sum(jnp.where(weight < 0.0, volume, 0.0)),
         jnp.max(radius),
     )
 
@@ -115,7 +181,7 @@ def _overlaps(numbers: Parameters, box: Box, particles: int, falling: float) -> 
     radius = per_particle(particle.outer_radius(numbers), particles)
     return (
         soften.resting_overlap(numbers, box, particles),
-        timestep.expected_overlap(numbers, jnp.max(particle.net_weight(numbers)), 0.0),
+        timestep.expected_overlap(numbers, jnp.max(jnp.abs(particle.net_weight(numbers))), 0.0),
         timestep.expected_overlap(numbers, 0.0, falling),
         4 / 3 * jnp.pi * jnp.sum(radius**3) / box.volume,
     )

@@ -204,6 +204,7 @@ def apart(mine: Body, theirs: Body, separation: Vector, axis: Array) -> Vector:
 def _meeting(mine: Body, theirs: Body, separation: Vector, axis: Array) -> Meeting:
     """How two bodies meet that may touch.
 
+    Centres at one place overlap by the sum of their radii, and have no normal: they push nowhere.
     A wall mirrors the particle: the arm is R - d/2, and the normal does not turn.
 
     Args:
@@ -213,7 +214,8 @@ def _meeting(mine: Body, theirs: Body, separation: Vector, axis: Array) -> Meeti
     """
     between = apart(mine, theirs, separation, axis)
     square = dot(between, between)
-    distance = jnp.sqrt(jnp.where(square > 0.0, square, 1.0))
+    least = contact.LEAST_DISTANCE * mine.radius
+    distance = jnp.sqrt(jnp.where(square > 0.0, square, least**2))
     normal = times(1.0 / distance, between)
     their_radius = jnp.where(axis < 0, theirs.radius, 0.0)
     turns = jnp.where(axis < 0, 1.0 / distance, 0.0)

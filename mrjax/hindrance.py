@@ -7,22 +7,43 @@ its layer.
 
 from collections.abc import Callable
 
+import jax
 import jax.numpy as jnp
 from jax import Array, lax
+from jax.tree_util import Partial
 from jax.typing import ArrayLike
 
 from mrjax import particle
 from mrjax.box import Box
+from mrjax.errors import InputError, shown
 from mrjax.parameters import Parameters, per_particle
 
-Hindrance = Callable[[ArrayLike], Array]
-"""f_w for volume fractions: a closure of `mrjax.drag`, its coefficients bound by
-`jax.tree_util.Partial` so that they can be traced."""
+Hindrance = Callable[[ArrayLike], ArrayLike]
+"""f_w for volume fractions: any function of JAX, such as `lambda phi: (1 - phi) ** -4.65`. Given as
+`jax.tree_util.Partial` of a closure of `mrjax.drag` and its coefficients, these can change without
+a new program."""
 
 BED = 0.55
 """Volume fraction of a bed, where the contacts are that decide how long a step may be."""
 DENSEST = 0.7
 """Volume fraction beyond which none is believed: more than a random packing has."""
+
+
+def as_tree(hindrance: Hindrance | None) -> Hindrance | None:
+    """The same, as what can be handed to a compiled program.
+
+    Raises:
+      InputError: it is no function.
+    """
+    if hindrance is None:
+        return None
+    if not callable(hindrance):
+        raise InputError(
+            f"hindrance = {shown(hindrance)}: give a function, f_w of volume fractions, such as "
+            "recipe.hindrance"
+        )
+    leaves = jax.tree.leaves(hindrance)
+    return Partial(hindrance) if any(leaf is hindrance for leaf in leaves) else hindrance
 
 
 def hindered(
@@ -48,6 +69,7 @@ def local_volume_fraction(
     Every particle is spread over levels by a cubic B-spline and reads from them by the same: twice
     continuously differentiable, an average over some two spacings to either side. The floor
     mirrors the suspension, so that a bed is as dense there as above; over its top is clear fluid.
+    Where particles rise it is the lid that mirrors, and the clear fluid is below.
 
     Args:
       parameters, box: in one coherent system of units.
@@ -74,7 +96,8 @@ def local_volume_fraction(
     volume = per_particle(4 / 3 * jnp.pi * particle.outer_radius(parameters) ** 3, height.shape[0])
     share = volume / (box.size[0] * box.size[1] * spacing)
     fraction = jnp.zeros(nodes, height.dtype)
-    for image in (height,) if periodic else (height, -height):
+    mirrored = jnp.where(particle.rises(parameters), 2.0 * levels - height, -height)
+    for image in (height,) if periodic else (height, mirrored):
         level, weight = reached(image)
         fraction = fraction.at[level].add(weight * share[None, :], mode="drop")
     level, weight = reached(height)

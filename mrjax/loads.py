@@ -2,14 +2,13 @@
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 from mrjax import checks, contact, forces, history, neighbours, pairs, particle, schedule, surfaces
 from mrjax.box import Box
-from mrjax.concrete import concrete, known
+from mrjax.concrete import concrete, known, where_known
 from mrjax.forces import Loads
 from mrjax.pairs import Pairs
 from mrjax.parameters import Parameters
@@ -113,10 +112,10 @@ def normal_forces(state: State, parameters: Parameters, box: Box) -> Touching:
 
 def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, Loads, Units]:
     """The contacts of a moment and what they exert, in reduced units."""
+    checks.of_run(state, parameters, box)
     checks.meaningful(parameters, state.particles, state.material)
-    with jax.ensure_compile_time_eval():
-        radius = np.asarray(particle.outer_radius(known(parameters)))
-        diameter = schedule.contact_diameter(state, radius, slack=0.0)
+    radius = where_known(particle.outer_radius, known(parameters))
+    diameter = schedule.contact_diameter(state, radius, slack=0.0)
     checks.between_walls(box, diameter)
     length = diameter / 2
     units = Units(mass=1000.0 * length**3, length=length, time=length)

@@ -1,4 +1,8 @@
-"""What an experimenter would read off a run: velocities, heights by several definitions, ratios."""
+"""What an experimenter would read off a run: velocities, heights by several definitions, ratios.
+
+Velocities are positive downwards. Where particles rise (`Run.rising`) the clear layer is below and
+the bed under the lid: all is then read in the mirror, and heights are those of the lower interface.
+"""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -8,39 +12,46 @@ import jax.numpy as jnp
 from jax import Array, lax
 from jax.typing import ArrayLike
 
-from mrjax import drag, particle
+from mrjax import checks, drag, particle
 from mrjax.concentration import half_concentration, solid_below
-from mrjax.errors import InputError
+from mrjax.concrete import concrete
+from mrjax.errors import InputError, shown
 from mrjax.parameters import Parameters
-from mrjax.run import Run
+from mrjax.run import Run, from_bed
 
 
 def settling_velocity(run: Run) -> Array:
-    """Initial settling velocity: the greatest mean descent speed of the frames after the start.
+    """Initial settling velocity: the fastest mean descent of the frames after the start.
 
-    Particles reach it after a few relaxation times (Eq. 27: 99 % after ln 100 = 4.6 of them) and
+    Negative where particles rise: the fastest is the one of the greatest magnitude. Particles
+    reach it after a few relaxation times (Eq. 27: 99 % after ln 100 = 4.6 of them) and
     keep it until a bed has grown under them: at least one frame must lie in between, and a run that
     is shorter has no settling velocity yet. m/s, ().
 
     Raises:
       SimulationError: the run is not to be trusted.
     """
-    run.check()
-    return jnp.max(run.mean_velocity[1:])
+    checks.good(run)
+    down, up = jnp.max(run.mean_velocity[1:]), jnp.min(run.mean_velocity[1:])
+    return jnp.where(down >= -up, down, up)
 
 
 def top(run: Run) -> Array:
     """The mudline: top of the highest particle; m, (frames + 1,).
 
+    Of particles that rise, bottom of the lowest.
+
     Raises:
       SimulationError: the run is not to be trusted.
     """
-    run.check()
+    checks.good(run)
     return run.mudline
 
 
 def mean_of_top(run: Run, fraction: float = 0.05) -> Array:
     """Mean of the tops of the highest particles; m, (frames + 1,).
+
+    Of rising ones, of the bottoms of the lowest.
 
     Args:
       run: at least one frame.
@@ -50,20 +61,19 @@ def mean_of_top(run: Run, fraction: float = 0.05) -> Array:
       InputError: a fraction not in (0, 1].
       SimulationError: the run is not to be trusted.
     """
-    run.check()
-    if not 0.0 < fraction <= 1.0:
-        raise InputError(f"fraction = {fraction} must be above 0 and at most 1")
-    tops = run.heights + run.radius[None, :]
+    checks.good(run)
+    fraction = checks.share(fraction, "fraction", whole=True)
+    tops = from_bed(run, run.heights) + run.radius[None, :]
     highest, _ = lax.top_k(tops, max(1, int(fraction * run.radius.size)))
-    return jnp.mean(highest, axis=1)
+    return from_bed(run, jnp.mean(highest, axis=1))
 
 
 def mass_quantile(run: Run, fraction: float = 0.95) -> Array:
     """Level below which a fraction of the solid volume lies, exact; m, (frames + 1,).
 
-    Of the mass, too, where all particles have one density. It lies below the top of a uniform bed
-    by that fraction of its height. Where a gap between particles makes it any of an interval, one
-    of them, without a slope.
+    Above which, where particles rise. Of the mass, too, where all particles have one density.
+    It lies below the top of a uniform bed by that fraction of its height. Where a gap between
+    particles makes it any of an interval, one of them, without a slope.
 
     Args:
       run: at least one frame.
@@ -73,23 +83,23 @@ def mass_quantile(run: Run, fraction: float = 0.95) -> Array:
       InputError: a fraction not in (0, 1).
       SimulationError: the run is not to be trusted.
     """
-    run.check()
-    if not 0.0 < fraction < 1.0:
-        raise InputError(f"fraction = {fraction} must be between 0 and 1")
-    return _mass_quantile(run.heights, run.radius, fraction)
+    checks.good(run)
+    fraction = checks.share(fraction, "fraction")
+    return from_bed(run, _mass_quantile(from_bed(run, run.heights), run.radius, fraction))
 
 
 def twice_centre_of_mass(run: Run) -> Array:
     """Twice the height of the solid's centre, which is the top of a uniform bed; m, (frames + 1,).
 
-    Weighted by volume: the centre of mass, where all particles have one density.
+    As far from the lid where particles rise. Weighted by volume: the centre of mass, where all
+    particles have one density.
 
     Raises:
       SimulationError: the run is not to be trusted.
     """
-    run.check()
+    checks.good(run)
     volume = run.radius**3
-    return 2.0 * (run.heights @ volume) / jnp.sum(volume)
+    return from_bed(run, 2.0 * (from_bed(run, run.heights) @ volume) / jnp.sum(volume))
 
 
 HEIGHTS: dict[str, Callable[[Run], Array]] = {
@@ -104,6 +114,8 @@ HEIGHTS: dict[str, Callable[[Run], Array]] = {
 
 def sedimentation_ratio(run: Run, height: str = "top") -> Array:
     """Height over the initial height of the suspension, which filled the box; 1, (frames + 1,).
+
+    Where particles rise, what lies above the lower interface, (H - height) / H of the box' H.
 
     Args:
       run: at least one frame.
@@ -120,18 +132,20 @@ def sedimentation_ratio(run: Run, height: str = "top") -> Array:
       >>> mrjax.sedimentation_ratio(run).round(1)  # nothing has settled yet
       Array([1., 1.], dtype=float64)
     """
-    if height not in HEIGHTS:
-        raise InputError(f"height = {height!r} must be one of {', '.join(HEIGHTS)}")
-    return HEIGHTS[height](run) / run.initial_height
+    if not isinstance(height, str) or height not in HEIGHTS:
+        raise InputError(f"height = {shown(height)} must be one of {', '.join(HEIGHTS)}")
+    return from_bed(run, HEIGHTS[height](run)) / run.initial_height
 
 
 def mudline_descent(run: Run) -> Array:
     """Rate of descent of the mudline from each frame to the next; m/s, (frames,).
 
+    Negative where particles rise, and the lower interface with them.
+
     Raises:
       SimulationError: the run is not to be trusted.
     """
-    run.check()
+    checks.good(run)
     return -jnp.diff(run.mudline) / jnp.diff(run.times)
 
 
@@ -139,7 +153,7 @@ class Asymptotes(NamedTuple):
     """The two straight lines of a sedimentation curve (Son 2018, Fig. 4)."""
 
     initial_slope: Array
-    """Rate of descent of the first, m/s, ()."""
+    """Rate of descent of the first, negative where particles rise; m/s, ()."""
     final_ratio: Array
     """Sedimentation ratio at rest, the level of the second; 1, ()."""
     crossing_time: Array
@@ -151,17 +165,27 @@ def asymptotes(run: Run) -> Asymptotes:
 
     The first line is h(0) - s t, with the slope of least squares over the frames before the mudline
     has descended more than a quarter of its whole way (the first frame after the start in any
-    case); the second is the mudline of the last frame. Undefined where nothing has settled.
+    case); the second is the mudline of the last frame. Where particles rise the same of the lower
+    interface. Undefined where nothing has settled: not a number in a traced call.
 
     Raises:
+      InputError: a run in which nothing has settled.
       SimulationError: the run is not to be trusted.
     """
-    run.check()
-    descent = run.mudline[0] - run.mudline
+    checks.good(run)
+    filled = from_bed(run, run.mudline)
+    descent = filled[0] - filled
+    whole = concrete(descent[-1])
+    if whole is not None and whole == 0.0:
+        raise InputError("the mudline has not moved: give a run in which something settles")
     early = lax.cummax(descent) <= 0.25 * descent[-1]
     time = jnp.where(early.at[1].set(True), run.times - run.times[0], 0.0)
     slope = jnp.sum(descent * time) / jnp.sum(time**2)
-    return Asymptotes(slope, run.mudline[-1] / run.initial_height, descent[-1] / slope)
+    return Asymptotes(
+        jnp.where(run.rising, -slope, slope),
+        filled[-1] / run.initial_height,
+        descent[-1] / slope,
+    )
 
 
 def reynolds_number(velocity: ArrayLike, parameters: Parameters) -> Array:
@@ -170,7 +194,11 @@ def reynolds_number(velocity: ArrayLike, parameters: Parameters) -> Array:
     Args:
       velocity: settling velocity, m/s, () or (N,).
       parameters: of the particles and the fluid.
+
+    Raises:
+      InputError: parameters that are something else.
     """
+    checks.of_kind(Parameters, parameters=parameters)
     diameter = 2.0 * particle.outer_radius(parameters)
     viscosity = drag.carrier_viscosity(parameters)
     return parameters.fluid_density * velocity * diameter / viscosity

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
+from mrjax import contact
 from mrjax.box import Box
 from mrjax.neighbours import PAIRS_DROPPED, Neighbours
 from mrjax.vectors import Vector
@@ -88,6 +89,9 @@ def listed(
     separations: list[Vector] = [neighbours.separation]
     for axis, end in walls:
         beyond = position[axis : axis + 1] - end * box.size[axis]
+        # A centre on the wall is inside: the wall has a side where the distance has none.
+        inside = (-1.0 if end else 1.0) * contact.LEAST_DISTANCE * radius[None, :]
+        beyond = jnp.where(beyond == 0.0, inside, beyond)
         nothing = jnp.zeros_like(beyond)
         partners.append(jnp.full_like(ids, particles + 2 * axis + end))
         separations.append(tuple(beyond if other == axis else nothing for other in range(3)))

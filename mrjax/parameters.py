@@ -6,10 +6,11 @@ Nothing is validated here: the leaves are traced by jit, grad and vmap. `Recipe`
 """
 
 import dataclasses
+import inspect
 import math
 import sys
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -18,9 +19,12 @@ from jax.typing import ArrayLike, DTypeLike
 
 from mrjax.units import Units
 
+T = TypeVar("T", bound=type)
+
 
 def _quantity(
     unit: str,
+    about: str,
     mass: int = 0,
     length: int = 0,
     time: int = 0,
@@ -28,16 +32,36 @@ def _quantity(
     least: float = -math.inf,
     most: float = sys.float_info.max,
     pair: bool = False,
+    wall: bool = False,
     **keywords: Any,
 ) -> Any:
-    """A leaf with its unit, its dimension in kg, m and s, and the values that have a meaning.
+    """A leaf with its unit, what it is, its dimension in kg, m and s, and the values it may have.
 
-    `pair`: it belongs to two surfaces, not to one.
+    `pair`: it belongs to two surfaces, not to one. `wall`: to the walls, which are all alike.
     """
-    metadata = {"unit": unit, "dimension": (mass, length, time), "pair": pair}
+    metadata = {
+        "unit": unit,
+        "about": about,
+        "dimension": (mass, length, time),
+        "pair": pair,
+        "wall": wall,
+    }
     return field(metadata={**metadata, "above": above, "least": least, "most": most}, **keywords)
 
 
+def _described(kind: T) -> T:
+    """Adds to the docstring what each leaf is, in which unit, and its default."""
+
+    def line(leaf: dataclasses.Field) -> str:
+        default = "" if leaf.default is dataclasses.MISSING else f" Default {leaf.default:g}."
+        return f"  {leaf.name} ({leaf.metadata['unit']}): {leaf.metadata['about']}{default}"
+
+    leaves = "\n".join(map(line, dataclasses.fields(kind)))
+    kind.__doc__ = f"{inspect.cleandoc(kind.__doc__ or '')}\n\nArgs:\n{leaves}\n"
+    return kind
+
+
+@_described
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, kw_only=True)
 class Parameters:
@@ -53,50 +77,119 @@ class Parameters:
     same parameters describe a dry collision.
     """
 
-    radius: ArrayLike = _quantity("m", length=1, above=0.0)
-    """R, radius of the uncoated particle."""
-    particle_density: ArrayLike = _quantity("kg/m^3", mass=1, length=-3, above=0.0)
-    """rho_p, density of the uncoated particle."""
-    fluid_density: ArrayLike = _quantity("kg/m^3", mass=1, length=-3, least=0.0)
-    """rho_f."""
-    viscosity: ArrayLike = _quantity("Pa s", mass=1, length=-1, time=-1, least=0.0)
-    """mu of the base fluid, without additives."""
-    elastic_modulus: ArrayLike = _quantity("Pa", mass=1, length=-1, time=-2, above=0.0)
-    """E of the surfaces in contact."""
-    poisson_ratio: ArrayLike = _quantity("1", above=-1.0, most=0.5)
-    """nu of the surfaces in contact."""
-    wall_elastic_modulus: ArrayLike = _quantity(
-        "Pa", mass=1, length=-1, time=-2, default=jnp.inf, above=0.0, most=math.inf
+    radius: ArrayLike = _quantity(
+        "m", "R, radius of the uncoated particle (Eq. 3).", length=1, above=0.0
     )
-    """E of the walls; infinite for rigid ones."""
-    wall_poisson_ratio: ArrayLike = _quantity("1", default=0.0, above=-1.0, most=0.5)
-    """nu of the walls."""
-    friction: ArrayLike = _quantity("1", default=0.0, least=0.0, pair=True)
-    """mu, Coulomb's coefficient."""
-    restitution: ArrayLike = _quantity("1", default=1.0, above=0.0, most=1.0, pair=True)
-    """Rebound speed over impact speed of a dry normal impact, 0 < e <= 1."""
-    dissipation: ArrayLike = _quantity("s", time=1, default=0.0, least=0.0, pair=True)
-    """A of Eq. 4."""
-    tangential_dissipation: ArrayLike = _quantity("s", time=1, default=0.0, least=0.0, pair=True)
-    """B of Eq. 7."""
-    rolling_friction: ArrayLike = _quantity("1", default=0.0, least=0.0, pair=True)
-    """mu_r, largest torque against rolling over normal force and R*; 0 for perfect spheres."""
-    rolling_damping: ArrayLike = _quantity("1", default=0.0, least=0.0, pair=True)
-    """h_r, fraction of critical damping of rolling; without effect where mu_r = 0."""
-    gravity: ArrayLike = _quantity("m/s^2", length=1, time=-2, default=9.81)
-    """g, along -z."""
-    added_mass: ArrayLike = _quantity("1", default=0.5, least=0.0)
-    """Added mass over displaced fluid mass: 1/2 for a sphere (Eq. 11), 0 to leave it out."""
-    coating_density: ArrayLike = _quantity("kg/m^3", mass=1, length=-3, default=0.0, least=0.0)
-    """rho_c; without effect where f_r = 1."""
-    f_w: ArrayLike = _quantity("1", default=1.0, above=0.0)
-    """Wall and crowding factor of the drag (Eq. 14)."""
-    f_s: ArrayLike = _quantity("1", default=1.0, above=0.0)
-    """Shape factor of the drag (Eq. 16)."""
-    f_v: ArrayLike = _quantity("1", default=1.0, above=0.0)
-    """Viscosity of the fluid with additives over that of the base fluid."""
-    f_r: ArrayLike = _quantity("1", default=1.0, above=0.0)
-    """Coated radius over uncoated radius."""
+    particle_density: ArrayLike = _quantity(
+        "kg/m^3",
+        "rho_p, density of the uncoated particle (Eqs. 3, 20).",
+        mass=1,
+        length=-3,
+        above=0.0,
+    )
+    fluid_density: ArrayLike = _quantity(
+        "kg/m^3", "rho_f, density of the fluid (Eqs. 9, 11, 21, 23).", mass=1, length=-3, least=0.0
+    )
+    viscosity: ArrayLike = _quantity(
+        "Pa s",
+        "mu of the base fluid, without additives (Eqs. 10, 18, 24).",
+        mass=1,
+        length=-1,
+        time=-1,
+        least=0.0,
+    )
+    elastic_modulus: ArrayLike = _quantity(
+        "Pa", "E of the surfaces in contact (Eqs. 5, 8, 26).", mass=1, length=-1, time=-2, above=0.0
+    )
+    poisson_ratio: ArrayLike = _quantity(
+        "1", "nu of the surfaces in contact (Eqs. 5, 8, 26).", above=-1.0, most=0.5
+    )
+    wall_elastic_modulus: ArrayLike = _quantity(
+        "Pa",
+        "E of the walls, infinite for rigid ones; one number (Eqs. 5, 8).",
+        mass=1,
+        length=-1,
+        time=-2,
+        default=jnp.inf,
+        above=0.0,
+        most=math.inf,
+        wall=True,
+    )
+    wall_poisson_ratio: ArrayLike = _quantity(
+        "1",
+        "nu of the walls; one number (Eqs. 5, 8).",
+        default=0.0,
+        above=-1.0,
+        most=0.5,
+        wall=True,
+    )
+    friction: ArrayLike = _quantity(
+        "1",
+        "mu, Coulomb's coefficient: |F_t| <= mu F_n (with Eq. 7).",
+        default=0.0,
+        least=0.0,
+        pair=True,
+    )
+    restitution: ArrayLike = _quantity(
+        "1",
+        "e, rebound speed over impact speed of a dry normal impact, 0 < e <= 1: c(e) beside Eq. 4.",
+        default=1.0,
+        above=0.0,
+        most=1.0,
+        pair=True,
+    )
+    dissipation: ArrayLike = _quantity(
+        "s", "A of Eq. 4.", time=1, default=0.0, least=0.0, pair=True
+    )
+    tangential_dissipation: ArrayLike = _quantity(
+        "s", "B of Eq. 7.", time=1, default=0.0, least=0.0, pair=True
+    )
+    rolling_friction: ArrayLike = _quantity(
+        "1",
+        "mu_r of |M_r| <= mu_r R* F_n (mrjax.rolling); 0 for perfect spheres.",
+        default=0.0,
+        least=0.0,
+        pair=True,
+    )
+    rolling_damping: ArrayLike = _quantity(
+        "1",
+        "h_r, fraction of critical damping of rolling (mrjax.rolling); idle where mu_r = 0.",
+        default=0.0,
+        least=0.0,
+        pair=True,
+    )
+    gravity: ArrayLike = _quantity(
+        "m/s^2", "g, along -z (Eqs. 9, 22, 23).", length=1, time=-2, default=9.81
+    )
+    added_mass: ArrayLike = _quantity(
+        "1",
+        "Added mass over displaced fluid mass: 1/2 for a sphere (Eqs. 11, 21), 0 to leave it out.",
+        default=0.5,
+        least=0.0,
+    )
+    coating_density: ArrayLike = _quantity(
+        "kg/m^3",
+        "rho_c, density of the coating (Eq. 20); without effect where f_r = 1.",
+        mass=1,
+        length=-3,
+        default=0.0,
+        least=0.0,
+    )
+    f_w: ArrayLike = _quantity(
+        "1", "Wall and crowding factor of the drag (Eqs. 14, 24).", default=1.0, above=0.0
+    )
+    f_s: ArrayLike = _quantity(
+        "1", "Shape factor of the drag (Eqs. 16, 24).", default=1.0, above=0.0
+    )
+    f_v: ArrayLike = _quantity(
+        "1",
+        "Viscosity of the fluid with additives over that of the base fluid (Eq. 24).",
+        default=1.0,
+        above=0.0,
+    )
+    f_r: ArrayLike = _quantity(
+        "1", "Coated radius over uncoated radius (Eqs. 20, 24).", default=1.0, above=0.0
+    )
 
     def replace(self, **changes: ArrayLike) -> "Parameters":
         """The same parameters with some leaves changed.

@@ -60,6 +60,11 @@ def coating_thickness(parameters: Parameters) -> Array:
     return (parameters.f_r - 1.0) * parameters.radius
 
 
+def rises(parameters: Parameters) -> Array:
+    """Whether the net weights of all particles together point upwards, (): they cream."""
+    return jnp.sum(net_weight(parameters)) < 0.0
+
+
 def net_weight(parameters: Parameters) -> Array:
     """Weight less buoyancy (Eqs. 22 and 23), downwards; N.
 

@@ -37,6 +37,9 @@ RANDOM_CLOSE_PACKING = 0.64
 LEAST_DENSITY, LEAST_MODULUS, LARGEST_DIAMETER = 10.0, 1e3, 0.1
 """kg/m^3, Pa and m: beyond these a number was given in another unit."""
 
+NEUTRAL = 1e-9
+"""Difference of densities, of their own size, that is of rounding."""
+
 MOST_PARTICLES = 10**7
 """More than a machine can hold: a box in micrometres, taken for metres."""
 LARGEST_BOX = 1e3
@@ -546,12 +549,13 @@ class Recipe(Sheet):
             )
 
     def _check_settles(self) -> None:
-        if self.apparent_density <= self.fluid.density:
+        """Lighter particles cream; of equal density they do neither."""
+        if math.isclose(self.apparent_density, self.fluid.density, rel_tol=NEUTRAL):
             coated = " with their coating" if self.coating else ""
             raise ValueError(
                 f"fluid.density = {self.fluid.density}: the particles, at "
-                f"{self.apparent_density:.5g} kg/m^3{coated}, would not settle; give a lighter "
-                "fluid or a denser particle"
+                f"{self.apparent_density:.5g} kg/m^3{coated}, would neither sink nor rise; give "
+                "another fluid or particle"
             )
 
     def _check_closure(self) -> None:

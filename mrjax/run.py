@@ -6,6 +6,7 @@ from enum import IntFlag
 import jax
 import jax.numpy as jnp
 from jax import Array
+from jax.typing import ArrayLike
 
 from mrjax.box import Box
 from mrjax.concrete import concrete
@@ -89,11 +90,20 @@ class Run:
     """Number of steps."""
     trajectory: Trajectory | None = None
     """Every particle at every time, where `simulate` was asked for it."""
+    rising: ArrayLike = False
+    """Whether the net weights of all particles together point upwards, (): the suspension creams,
+    with its clear layer below and its bed under the lid."""
 
     @property
     def mudline(self) -> Array:
-        """Height of the top of the highest particle, (frames + 1,) in m."""
-        return jnp.max(self.heights + self.radius[..., None, :], axis=-1)
+        """Height of the interface to the clear layer, (frames + 1,) in m.
+
+        The top of the highest particle; of particles that rise, the bottom of the lowest.
+        """
+        radius = self.radius[..., None, :]
+        top = jnp.max(self.heights + radius, axis=-1)
+        bottom = jnp.min(self.heights - radius, axis=-1)
+        return jnp.where(jnp.asarray(self.rising)[..., None], bottom, top)
 
     @property
     def initial_height(self) -> float:
@@ -111,3 +121,17 @@ class Run:
             return
         faults = Fault(int(found.flat[found.argmax()]))
         raise SimulationError(f"{reasons(faults)} ({self.steps} steps of {self.time_step:.3g} s)")
+
+
+def from_bed(run: Run, level: Array) -> Array:
+    """Levels as distances from where the bed grows: the floor, or the lid where particles rise.
+
+    Its own inverse.
+
+    Args:
+      run: one, or several side by side.
+      level: heights of one run, or with the leading axis of several; m.
+    """
+    rising = jnp.asarray(run.rising)
+    rising = rising.reshape(rising.shape + (1,) * (level.ndim - rising.ndim))
+    return jnp.where(rising, run.initial_height - level, level)

@@ -56,6 +56,7 @@ ARRAYS = {
     "deepest_overlap_radii": ONE,
     "deepest_overlap_coatings": ONE,
     "fault": npz.Numbers((SIDE,), "int", least=0, most=0),
+    "rising": npz.Numbers((SIDE,), "int", least=0, most=1, optional=True),
     "position_m": replace(MOVED, needs="velocity_m_per_s"),
     "velocity_m_per_s": replace(MOVED, needs="spin_rad_per_s"),
     "spin_rad_per_s": replace(MOVED, needs="position_m"),
@@ -83,6 +84,7 @@ def save_run(path: str | Path, run: Run, made_by: Mapping[str, Any]) -> None:
     path = npz.named(path)
     run.check()
     arrays = {name: getattr(run, field) for name, field in OF_RUN.items()}
+    arrays["rising"] = np.asarray(run.rising, np.int32)
     for name, array in state_file.arrays(run.state).items():
         arrays[f"last_{name}" if name in OF_EACH else name] = array
     if run.trajectory is not None:
@@ -119,6 +121,7 @@ def load_run(path: str | Path, *, max_bytes: int = npz.MAX_BYTES) -> tuple[Run, 
     if (np.diff(arrays["times_s"]) < 0.0).any():
         raise InputError(f"{path}: its times go back; give {SCHEMA.what}")
     found = {name: jnp.asarray(array) for name, array in arrays.items()}
+    rising = found.pop("rising", jnp.zeros(found["fault"].shape, bool))
     of_last = {
         name.removeprefix("last_"): array for name, array in arrays.items() if name not in OF_EACH
     }
@@ -127,6 +130,7 @@ def load_run(path: str | Path, *, max_bytes: int = npz.MAX_BYTES) -> tuple[Run, 
         moved = Trajectory(**{field: found[name] for name, field in OF_EACH.items()})
     return Run(
         **{field: found[name] for name, field in OF_RUN.items()},
+        rising=rising != 0,
         state=state_file.of_arrays(of_last, told.contact_diameter_m),
         box=Box(told.box_size_m, told.box_periodic),
         time_step=told.time_step_s,

@@ -145,6 +145,7 @@ def _in_reduced_units(
         time_step=time_step,
         steps=cuts.total,
         trajectory=None if moved is None else moved.in_lab_units(units, sound),
+        rising=particle.rises(reduced),
     )
 
 

@@ -7,9 +7,11 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jax.typing import ArrayLike
 
 from mrjax import neighbours, particle, timestep
 from mrjax.box import Box
+from mrjax.concrete import where_known
 from mrjax.errors import InputError
 from mrjax.neighbours import Plan
 from mrjax.parameters import Parameters
@@ -47,11 +49,14 @@ def cut(duration: float, time_step: float, frames: int, rebuild_every: int) -> S
       InputError: more steps than can be counted.
     """
     # A duration meant as a whole number of steps may miss it by rounding.
-    in_frame = max(1, math.ceil(duration / frames / time_step * (1 - 1e-12)))
+    in_frame = max(1.0, duration / frames / time_step * (1 - 1e-12))
+    if in_frame * frames <= MOST_STEPS:
+        in_frame = math.ceil(in_frame)
     if in_frame * frames > MOST_STEPS:
         raise InputError(
-            f"duration = {duration:.4g} s takes {in_frame * frames:.3g} steps of {time_step:.3g} "
-            f"s, more than {MOST_STEPS}; give a shorter duration or a longer time_step"
+            f"duration = {duration:.4g} s takes {float(in_frame * frames):.3g} steps of "
+            f"{time_step:.3g} s, more than {MOST_STEPS}; give a shorter duration or a longer "
+            "time_step"
         )
     fewest = math.ceil(in_frame / rebuild_every)
     even = (n for n in range(fewest, 2 * fewest + 1) if in_frame % n == 0)
@@ -59,7 +64,7 @@ def cut(duration: float, time_step: float, frames: int, rebuild_every: int) -> S
     return Schedule(frames, rebuilds, math.ceil(in_frame / rebuilds))
 
 
-def contact_diameter(state: State, radius: np.ndarray, slack: float) -> float:
+def contact_diameter(state: State, radius: np.ndarray | None, slack: float) -> float:
     """Largest distance of centres at which two particles touch, m.
 
     The one that came with the state where the radii are traced, or where it holds within `slack`
@@ -67,20 +72,21 @@ def contact_diameter(state: State, radius: np.ndarray, slack: float) -> float:
 
     Args:
       state: its own contact diameter, if any.
-      radius: of the coated particles, m; NaN where traced.
+      radius: of the coated particles, m; None where it is traced.
       slack: fraction of the skin that the radii may have grown into.
 
     Raises:
       InputError: neither the state nor concrete parameters tell.
     """
-    given, actual = state.contact_diameter, 2.0 * float(np.max(radius))
-    if np.isnan(actual):
+    given = state.contact_diameter
+    if radius is None:
         if given is None:
             raise InputError(
                 "radius or f_r is traced, so the reach of the neighbour list is unknown; give "
                 "place(..., contact_diameter=...) or a state from disperse"
             )
         return given
+    actual = 2.0 * float(np.max(radius))
     if given is None:
         return actual
     serves = actual * (1 - slack) <= given and actual <= given * (1 + slack)
@@ -89,7 +95,7 @@ def contact_diameter(state: State, radius: np.ndarray, slack: float) -> float:
 
 def list_plan(
     state: State,
-    radius: np.ndarray,
+    radius: np.ndarray | None,
     box: Box,
     diameter: float,
     skin: float,
@@ -99,18 +105,18 @@ def list_plan(
 
     Args:
       state: its contacts, if any, must have room.
-      radius: of the coated particles, m; NaN where traced.
+      radius: of the coated particles, m; None where it is traced.
       box: the container, m.
       diameter: largest contact diameter, m.
       skin: beyond contact, as a fraction of the contact diameter.
       capacity: partners of each particle; left out, for a random close packing.
     """
-    typical = particle.typical_diameter(radius)
+    typical = 1.0 if radius is None else min(1.0, particle.typical_diameter(radius) / diameter)
     plan = neighbours.plan(
         box.scaled(2 / diameter),
         state.particles,
         2.0,
-        2.0 * (1.0 if np.isnan(typical) else min(1.0, typical / diameter)),
+        2.0 * typical,
         2.0 * skin,
     )
     room = plan.capacity if capacity is None else min(capacity, state.particles - 1)
@@ -122,15 +128,18 @@ def list_plan(
     return replace(plan, capacity=room)
 
 
-def fastest(velocity: np.ndarray | None, numbers: Parameters, box: Box, duration: float) -> float:
-    """Upper bound on the speed of particles that fall freely, m/s; NaN where it is traced.
+def fastest(
+    velocity: np.ndarray | None, numbers: Parameters, box: Box, duration: float
+) -> float | None:
+    """Upper bound on the speed of particles that move freely, m/s; None where it is traced.
 
-    The greatest initial speed plus what gravity adds until drag, the duration or the floor ends it.
+    The greatest initial speed plus what their net weight adds until drag, the duration or a wall
+    ends it.
     """
-    if velocity is None:
-        return np.nan
-    pull = np.asarray(particle.net_weight(numbers) / particle.inertia(numbers))
-    relaxation = np.asarray(timestep.relaxation_time(numbers))
+    found = where_known(_pull_and_relaxation, numbers)
+    if velocity is None or found is None:
+        return None
+    pull, relaxation = found
     initial = np.sqrt((velocity**2).sum(axis=-1)).max()
     gained = np.max(np.abs(pull) * np.minimum(relaxation, duration))
     if not box.periodic[2]:
@@ -138,32 +147,43 @@ def fastest(velocity: np.ndarray | None, numbers: Parameters, box: Box, duration
     return float(initial + gained)
 
 
-def steps_within_skin(speed: float, time_step: float, skin: float) -> int:
+def _pull_and_relaxation(numbers: Parameters) -> tuple[ArrayLike, ArrayLike]:
+    """Of every particle, m/s^2 and s."""
+    pull = particle.net_weight(numbers) / particle.inertia(numbers)
+    return pull, timestep.relaxation_time(numbers)
+
+
+def steps_within_skin(speed: float | None, time_step: float, skin: float) -> int:
     """Steps in which a particle at this speed crosses a quarter of the skin, at least 1."""
-    travel = speed * time_step
-    if not travel > 0.25 * skin / MOST_STEPS_BETWEEN_REBUILDS:  # also where it is not known
+    if speed is None or not speed * time_step > 0.25 * skin / MOST_STEPS_BETWEEN_REBUILDS:
         return MOST_STEPS_BETWEEN_REBUILDS
-    return max(1, int(0.25 * skin / travel))
+    return max(1, int(0.25 * skin / (speed * time_step)))
 
 
 def largest_stable_step(
     numbers: Parameters,
     box: Box,
     diameter: float,
-    speed: float,
+    speed: float | None,
     arrangement: tuple[Mode, ...] = timestep.CLOSE_PACKED,
-) -> float:
-    """Largest step that survives the contacts to be expected, s; NaN where that is traced.
+) -> float | None:
+    """Largest step that survives the contacts to be expected, s; None where that is traced.
 
-    They carry a column of particles as high as the box, or meet at twice the greatest speed.
+    They carry a column of particles as high as the box, or meet at twice the greatest speed. The
+    column presses on the floor or, of particles lighter than the fluid, on the lid.
     """
-    if np.isnan(speed):
-        return np.nan
-    load = np.asarray(particle.net_weight(numbers)) * max(1.0, box.height / diameter)
-    overlap = float(timestep.expected_overlap(numbers, np.max(load), 2.0 * speed))
-    step = float(timestep.largest_stable_step(numbers, overlap, arrangement))
-    if not np.isfinite(step):
+    weight = where_known(particle.net_weight, numbers)
+    if speed is None or weight is None:
+        return None
+    load = np.max(np.abs(weight) * max(1.0, box.height / diameter))
+    overlap = where_known(timestep.expected_overlap, numbers, load, 2.0 * speed)
+
+    def limit(overlap: float) -> float | None:
+        step = where_known(timestep.largest_stable_step, numbers, overlap, arrangement)
+        return None if step is None else float(step)
+
+    step = None if overlap is None else limit(float(overlap))
+    if step is None or not np.isfinite(step):
         return step
     # The first step into a contact may go deeper than a damped impact ever would.
-    deeper = max(overlap, 2.0 * speed * step)
-    return float(timestep.largest_stable_step(numbers, deeper, arrangement))
+    return limit(max(float(overlap), 2.0 * speed * step))

@@ -1,5 +1,6 @@
 """From a lab sheet to the whole sedimentation curve, of one random start or an ensemble."""
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,10 +11,10 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from mrjax import observe, processes
+from mrjax import checks, observe, processes
 from mrjax.checkpoint import refuse_foreign
 from mrjax.disperse import disperse
-from mrjax.errors import InputError
+from mrjax.errors import InputError, shown
 from mrjax.overlap import OVERLAP
 from mrjax.parameters import Parameters
 from mrjax.recipe import Recipe
@@ -74,9 +75,17 @@ def sedimentation(
       SimulationError: a bed that does not come to rest, or a run not to be trusted.
     """
     refuse_foreign(checkpoint)
-    seeds = (seeds,) if isinstance(seeds, int) else tuple(seeds)
+    checks.of_kind(Recipe, recipe=recipe)
+    seeds = tuple(seeds) if isinstance(seeds, Iterable) else (seeds,)
     if not seeds:
         raise InputError("seeds is empty: give at least one")
+    often = Counter(map(str, seeds))
+    for seed, times in often.items():
+        if times > 1:
+            raise InputError(
+                f"seeds: {shown(seed)} is given {times} times, and the same start counts once; "
+                "give seeds that differ"
+            )
     states = processes.divided(
         lambda share: [disperse(recipe, seed, dtype=dtype) for seed in share], seeds
     )

@@ -1,6 +1,6 @@
 """The whole sedimentation curve: a run, or an ensemble of runs, until the bed rests."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -14,12 +14,12 @@ import numpy as np
 from jax import Array
 from tqdm import tqdm
 
-from mrjax import checks, expected, history, particle, processes, state_file
+from mrjax import checks, expected, history, processes, state_file
 from mrjax.box import Box
 from mrjax.checkpoint import Checkpoint, refuse_foreign
 from mrjax.concrete import known
 from mrjax.errors import InputError, SimulationError
-from mrjax.hindrance import Hindrance
+from mrjax.hindrance import Hindrance, as_tree
 from mrjax.parameters import Parameters
 from mrjax.run import Fault, Run
 from mrjax.scan import Setup
@@ -84,13 +84,18 @@ def settle(
         carries the last good state.
     """
     refuse_foreign(checkpoint)
+    hindrance = as_tree(hindrance)
     rest = checks.positive(rest, "rest", "the falling speed")
-    each = [states] if isinstance(states, State) else list(states)
+    each = list(states) if isinstance(states, Iterable) else [states]
+    for state in each:
+        checks.of_run(state, parameters, box)
     if not each or len({state.particles for state in each}) > 1:
         raise InputError("states differ in their number of particles, or there are none")
     particles = each[0].particles
-    numbers, top = _numbers(parameters, each)
-    expectation, falling = expected.duration(numbers, box, particles, top)
+    numbers = known(parameters)
+    far = [expected.ways(numbers, box, state.position) for state in each]
+    way = expected.Way(*np.max(far, axis=0))
+    expectation, falling = expected.duration(numbers, box, particles, way)
     interval = expectation / checks.whole(frames, "frames")
     longest = checks.positive(
         PATIENCE * expectation if longest is None else longest, "longest", "s"
@@ -142,15 +147,6 @@ def settle(
         tried += 1
 
 
-def _numbers(parameters: Parameters, states: list[State]) -> tuple[Parameters, float]:
-    """What is not traced of the parameters, and the top of the highest particle, m."""
-    with jax.ensure_compile_time_eval():
-        numbers = known(parameters)
-        radius = np.asarray(particle.outer_radius(numbers))
-    highest = (float(np.max(np.asarray(state.position)[:, 2] + radius)) for state in states)
-    return numbers, max(highest)
-
-
 def _side_by_side(
     follow: Callable[[Event, int, State], Run | None], states: Sequence[State]
 ) -> list[Run | None]:
@@ -200,11 +196,10 @@ def _until_rest(
             speed = np.asarray(part.mean_speed)
             fastest, time = max(fastest, speed.max()), setup.duration * len(parts)
             slow = rest * min(falling, fastest)
-            bar.set_postfix_str(
-                f"{time:.3g} s, {speed[-1] / fastest:.2%} of the greatest speed", False
-            )
+            left = speed[-1] / fastest if fastest > 0.0 else 0.0
+            bar.set_postfix_str(f"{time:.3g} s, {left:.2%} of the greatest speed", False)
             bar.update(max(bar.n, _share(speed[-1], fastest, slow)) - bar.n)
-            if (speed[-FRAMES_AT_REST:] < slow).all():
+            if (speed[-FRAMES_AT_REST:] <= slow).all():
                 return joined(parts, setup)
             if time >= longest:
                 raise SimulationError(
@@ -240,6 +235,8 @@ def _stacked(runs: list[Run]) -> Run:
 
 def _share(speed: float, fastest: float, slow: float) -> float:
     """Share of the way to rest: speeds fall by about as much in every second, in logarithms."""
+    if not speed > slow:
+        return 1.0
     return float(np.clip(np.log(fastest / speed) / np.log(fastest / slow), 0.0, 1.0))
 
 

@@ -8,7 +8,6 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from mrjax import (
     checks,
@@ -18,11 +17,11 @@ from mrjax import (
     timestep,
 )
 from mrjax.box import Box
-from mrjax.concrete import concrete, known
+from mrjax.concrete import concrete, known, where_known
 from mrjax.errors import InputError
 from mrjax.failure import failure
 from mrjax.forces import Laws
-from mrjax.hindrance import BED, Hindrance
+from mrjax.hindrance import BED, Hindrance, as_tree
 from mrjax.parameters import Parameters
 from mrjax.run import Run
 from mrjax.scan import Setup, attempt
@@ -64,7 +63,8 @@ def simulate(
         chosen so that nothing falls through the skin in between.
       capacity, cell_capacity: room in the neighbour list and its search cells; left out, for a
         random close packing.
-      hindrance: f_w for volume fractions, such as `recipe.hindrance`: each particle then feels that
+      hindrance: f_w for volume fractions, such as `recipe.hindrance` or
+        `lambda phi: (1 - phi) ** -4.65`: each particle then feels that
         of its own height (`mrjax.hindrance`) in place of the parameters' f_w.
       trajectory: whether to record all positions, velocities and spins (`Run.trajectory`).
 
@@ -81,6 +81,8 @@ def simulate(
       >>> print(f"{86400e3 * mrjax.settling_velocity(run):.3f} mm/day")
       9.116 mm/day
     """
+    checks.of_run(state, parameters, box)
+    hindrance = as_tree(hindrance)
     setup = prepared(
         state,
         parameters,
@@ -141,39 +143,44 @@ def prepared(
     duration = checks.positive(duration, "duration", "s")
     skin = checks.positive(skin, "skin", "contact diameters")
     checks.meaningful(parameters, state.particles, state.material)
+    checks.in_reach(state)
     position, velocity = concrete(state.position), concrete(state.velocity)
     checks.inside_walls(position, box)
-    with jax.ensure_compile_time_eval():
-        numbers = known(parameters)
-        radius = np.asarray(particle.outer_radius(numbers))
-        diameter = schedule.contact_diameter(state, radius, slack=skin / 4)
-        speed = schedule.fastest(velocity, numbers, box, duration)
-        if touch is None:
-            touch = state.contacts is not None or checks.may_touch(
-                position, radius, box, 2 * speed * duration, diameter
-            )
-        in_bed = numbers if hindrance is None else numbers.replace(f_w=known(hindrance)(BED))
-        largest, hopeless = (
-            schedule.largest_stable_step(in_bed, box, diameter, speed, arrangement)
-            if touch
-            else np.inf
-            for arrangement in (timestep.CLOSE_PACKED, timestep.TOUCHING_PAIR)
+    numbers = known(parameters)
+    radius = where_known(particle.outer_radius, numbers)
+    diameter = schedule.contact_diameter(state, radius, slack=skin / 4)
+    speed = schedule.fastest(velocity, numbers, box, duration)
+    if touch is None:
+        travel = None if speed is None else 2 * speed * duration
+        touch = state.contacts is not None or checks.may_touch(
+            position, radius, box, travel, diameter
         )
-        if time_step is None:
-            # Eq. 29 knows nothing of dissipation, which may ask for less.
-            time_step = np.fmin(_chosen_step(numbers, touch), largest)
-        else:
-            time_step = checks.positive(time_step, "time_step", "s")
-        time_step = min(duration / frames, float(time_step))
+    largest = hopeless = None
+    if touch:
+        in_bed = numbers
+        if hindrance is not None:
+            with jax.ensure_compile_time_eval():
+                in_bed = numbers.replace(f_w=known(hindrance)(BED))
+        expected = in_bed, box, diameter, speed
+        largest = schedule.largest_stable_step(*expected, timestep.CLOSE_PACKED)
+        hopeless = schedule.largest_stable_step(*expected, timestep.TOUCHING_PAIR)
+    if time_step is None:
+        # Eq. 29 knows nothing of dissipation, which may ask for less.
+        limits = (_chosen_step(numbers, touch), largest)
+        time_step = min((limit for limit in limits if limit is not None), default=duration)
+    else:
+        time_step = checks.positive(time_step, "time_step", "s")
+    time_step = min(duration / frames, time_step)
 
     if capacity is not None:
         capacity = checks.whole(capacity, "capacity")
     plan = schedule.list_plan(state, radius, box, diameter, skin, capacity)
     if cell_capacity is not None:
-        plan = replace(plan, cell_capacity=checks.whole(cell_capacity, "cell_capacity"))
+        room = checks.whole(cell_capacity, "cell_capacity")
+        plan = replace(plan, cell_capacity=min(room, state.particles))
     checks.between_walls(box, diameter)
     checks.wide_enough(box, state.particles, plan.cutoff * diameter / 2)
-    if time_step > hopeless:
+    if largest is not None and hopeless is not None and time_step > hopeless:
         raise InputError(
             f"time_step = {time_step:.4g} s is unstable for contacts this stiff; the largest that "
             f"would do is {0.995 * largest:.3g} s"
@@ -187,14 +194,19 @@ def prepared(
     return Setup(duration, diameter / 2, plan, cuts, laws, trajectory)
 
 
-def _chosen_step(numbers: Parameters, touch: bool) -> float:
-    """Eq. 29, or what is left of it where nothing can touch: infinite without drag."""
+def _chosen_step(numbers: Parameters, touch: bool) -> float | None:
+    """Eq. 29, or what is left of it where nothing can touch: infinite without drag, None if traced.
+
+    Raises:
+      InputError: something can touch, and the parameters are traced.
+    """
     if not touch:
-        return float(timestep.rise_time(numbers)) / timestep.REFINEMENT
-    chosen = float(timestep.time_step(numbers))
-    if np.isnan(chosen):
+        rise = where_known(timestep.rise_time, numbers)
+        return None if rise is None else float(rise) / timestep.REFINEMENT
+    chosen = where_known(timestep.time_step, numbers)
+    if chosen is None:
         raise InputError(
             "the parameters are traced by jit or vmap, so simulate cannot choose a step; give "
             "time_step=float(mrjax.time_step(parameters)), computed outside"
         )
-    return chosen
+    return float(chosen)

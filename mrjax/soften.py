@@ -9,15 +9,13 @@ beside the drag, and is left out of the program.
 
 from functools import partial
 
-import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import Array
 
 from mrjax import checks, drag, particle, timestep
 from mrjax.box import Box
 from mrjax.by_numpy import by_numpy
-from mrjax.concrete import known
+from mrjax.concrete import known, where_known
 from mrjax.errors import InputError
 from mrjax.overlap import MOST_OVERLAP
 from mrjax.parameters import Parameters, per_particle
@@ -32,7 +30,8 @@ IDLE = 1e-3
 def softened(parameters: Parameters, box: Box, particles: int, overlap: float) -> Parameters:
     """The parameters with moduli lowered until a settled bed overlaps by about `overlap`.
 
-    Never stiffer than they were. Dissipation and restitution are left out where, at that overlap,
+    Never stiffer than they were. Particles lighter than the fluid make their bed under the lid.
+    Dissipation and restitution are left out where, at that overlap,
     their dashpots are less than a thousandth of the drag: a particle in oil does not bounce. Not
     derived through: the factor is a number.
 
@@ -43,7 +42,8 @@ def softened(parameters: Parameters, box: Box, particles: int, overlap: float) -
       overlap: greatest overlap of a contact at rest, as a fraction of the largest contact radius.
 
     Raises:
-      InputError: an overlap that is not between 0 and 0.1, or parameters that are traced.
+      InputError: an overlap that is not between 0 and 0.1, particles without a net weight, which
+        make no bed, or parameters that are traced.
 
     Example:
       >>> recipe = mrjax.Recipe.load("case2")
@@ -52,23 +52,31 @@ def softened(parameters: Parameters, box: Box, particles: int, overlap: float) -
       >>> print(f"{soft.elastic_modulus / stiff.elastic_modulus:.2g}")
       3.2e-08
     """
+    checks.of_kind(Parameters, parameters=parameters)
+    checks.of_kind(Box, box=box)
+    particles = checks.whole(particles, "particles")
+    checks.in_range(parameters)
     overlap = checks.positive(overlap, "overlap", "contact radii")
     if overlap > MOST_OVERLAP:
         raise InputError(
             f"overlap = {overlap:g} contact radii: give at most {MOST_OVERLAP}, better 0.02"
         )
-    with jax.ensure_compile_time_eval():
-        law = partial(_factor, box=box, particles=particles, overlap=overlap)
-        factor = float(by_numpy(law, known(parameters)))
-    if np.isnan(factor):
+    law = partial(_factor, box=box, particles=particles, overlap=overlap)
+    found = where_known(partial(by_numpy, law), known(parameters))
+    if found is None:
         raise InputError("the parameters are traced by jit or vmap; soften them outside")
+    factor = float(found)
+    if not factor > 0.0:
+        raise InputError(
+            "nothing presses the particles into a bed: gravity or the net weight is zero; soften "
+            "those that sink or rise"
+        )
     soft = parameters.replace(
         elastic_modulus=parameters.elastic_modulus * factor,
         wall_elastic_modulus=parameters.wall_elastic_modulus * factor,
     )
-    with jax.ensure_compile_time_eval():
-        idle = bool(by_numpy(partial(_idle, overlap=overlap), known(soft)))
-    if not idle:
+    idle = where_known(partial(by_numpy, partial(_idle, overlap=overlap)), known(soft))
+    if idle is None or not idle:
         return soft
     return soft.replace(restitution=1.0, dissipation=0.0, tangential_dissipation=0.0)
 
@@ -78,7 +86,7 @@ def _factor(numbers: Parameters, box: Box, particles: int, overlap: float) -> Ar
     largest = jnp.max(particle.outer_radius(numbers))
     expected = resting_overlap(numbers, box, particles)
     # Hertz: the overlap under a load goes with E^(-2/3).
-    return jnp.minimum(1.0, (expected / (overlap * largest)) ** 1.5)  # keeps NaN
+    return jnp.minimum(1.0, (expected / (overlap * largest)) ** 1.5)
 
 
 def _idle(numbers: Parameters, overlap: float) -> Array:
@@ -88,10 +96,14 @@ def _idle(numbers: Parameters, overlap: float) -> Array:
 
 
 def resting_overlap(numbers: Parameters, box: Box, particles: int) -> Array:
-    """Deepest overlap to be expected in a bed of N particles at rest, m, (); NaN where traced."""
+    """Deepest overlap to be expected in a bed of N particles at rest, m, ().
+
+    Those that sink press on the floor, those that rise on the lid.
+    """
     radius = per_particle(particle.outer_radius(numbers), particles)
     weight = per_particle(particle.net_weight(numbers), particles)
+    pressing = jnp.maximum(jnp.sum(jnp.maximum(weight, 0.0)), jnp.sum(jnp.maximum(-weight, 0.0)))
     # All that lies on an area as wide as the largest particle.
-    above = jnp.sum(weight) * (2.0 * jnp.max(radius)) ** 2 / (box.size[0] * box.size[1])
-    load = FORCE_CHAINS * jnp.maximum(above, jnp.max(weight))
+    above = pressing * (2.0 * jnp.max(radius)) ** 2 / (box.size[0] * box.size[1])
+    load = FORCE_CHAINS * jnp.maximum(above, jnp.max(jnp.abs(weight)))
     return timestep.expected_overlap(numbers, load, 0.0)

@@ -63,7 +63,8 @@ def swing(
       sliding: whether friction acts.
     """
     normal, tangential = _stiffnesses(listed, constants, overlap, sliding)
-    square = jnp.where(listed.present, dot(listed.separation, listed.separation), 1.0)
+    square = dot(listed.separation, listed.separation)
+    square = jnp.where(listed.present & (square > 0.0), square, 1.0)
     direction = times(1.0 / jnp.sqrt(square), listed.separation)
     yielding = jnp.sqrt(_compliance(kick) * jnp.ones_like(radius))
     turning = jnp.sqrt(_compliance(spin_kick) * jnp.ones_like(radius)) * radius

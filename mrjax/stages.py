@@ -17,11 +17,11 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from mrjax import history, state_file
+from mrjax import checks, history, state_file
 from mrjax.box import Box
 from mrjax.checkpoint import Checkpoint, Sequence, refuse_foreign
 from mrjax.failure import failure
-from mrjax.hindrance import Hindrance
+from mrjax.hindrance import Hindrance, as_tree
 from mrjax.parameters import Parameters
 from mrjax.run import Run
 from mrjax.scan import Setup, attempt
@@ -33,7 +33,7 @@ ALONG = ("heights", "mean_velocity", "mean_speed", "trajectory")
 """What a run has one of for every frame, beside the times."""
 RECORDED = (
     *("times", "heights", "radius", "mean_velocity", "mean_speed"),
-    *("deepest_overlap", "coating_overlap", "fault"),
+    *("deepest_overlap", "coating_overlap", "fault", "rising"),
 )
 """Arrays of a part beside its state and trajectory."""
 MOST_AT_ONCE = 10**8
@@ -71,6 +71,8 @@ def follow(
       SimulationError: the run is not to be trusted.
     """
     refuse_foreign(checkpoint)
+    checks.of_run(state, parameters, box)
+    hindrance = as_tree(hindrance)
     whole = prepared(
         state,
         parameters,

@@ -1,6 +1,7 @@
 """Where the particles are: positions, velocities, spins; and particles put by hand."""
 
 from dataclasses import dataclass, field
+from numbers import Real
 
 import jax
 import jax.numpy as jnp
@@ -8,7 +9,8 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike, DTypeLike
 
-from mrjax.errors import InputError
+from mrjax.box import LARGEST, SMALLEST
+from mrjax.errors import InputError, shown
 from mrjax.history import Contacts
 
 
@@ -66,12 +68,13 @@ def place(
       >>> state.particles
       2
     """
-    if jnp.dtype(dtype) not in (jnp.float32, jnp.float64):
-        raise InputError(f"dtype = {jnp.dtype(dtype)}: must be float32 or float64")
     try:
-        position = jnp.asarray(positions, dtype)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"positions are not an array of numbers: {error}") from None
+        precise = jnp.dtype(dtype) in (jnp.float32, jnp.float64)
+    except TypeError:
+        precise = False
+    if not precise:
+        raise InputError(f"dtype = {shown(dtype)}: must be float32 or float64")
+    position = _array("positions", positions, dtype)
     if position.ndim != 2 or position.shape[1] != 3 or position.shape[0] == 0:
         raise InputError(
             f"positions have shape {position.shape}; give one row of x, y, z for each particle, "
@@ -79,7 +82,7 @@ def place(
         )
 
     def like_positions(name: str, values: ArrayLike | None) -> Array:
-        array = jnp.asarray(np.zeros(position.shape) if values is None else values, dtype)
+        array = _array(name, np.zeros(position.shape) if values is None else values, dtype)
         if array.shape != position.shape:
             raise InputError(
                 f"{name} have shape {array.shape}; give the shape of the positions, "
@@ -87,6 +90,8 @@ def place(
             )
         return array
 
+    if contact_diameter is not None:
+        contact_diameter = _length("contact_diameter", contact_diameter)
     return State(
         position,
         like_positions("velocities", velocities),
@@ -96,10 +101,38 @@ def place(
     )
 
 
+def _array(name: str, values: ArrayLike, dtype: DTypeLike) -> Array:
+    """The values as an array.
+
+    Raises:
+      InputError: they are no numbers.
+    """
+    try:
+        return jnp.asarray(values, dtype)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{name} are not an array of numbers: {error}") from None
+
+
 def _indices(materials: ArrayLike, particles: int) -> Array:
-    index = np.asarray(materials)
+    try:
+        index = np.asarray(materials)
+    except ValueError:  # rows of unequal lengths
+        index = np.zeros(0)
     if index.shape != (particles,) or index.dtype.kind not in "iu" or index.min() < 0:
         raise InputError(
-            f"materials = {index}: give a whole number from 0 for each of the {particles} particles"
+            f"materials = {shown(materials)}: give a whole number from 0 for each of the "
+            f"{particles} particles"
         )
     return jnp.asarray(index, jnp.int32)
+
+
+def _length(name: str, value: float) -> float:
+    """A length that is known, m.
+
+    Raises:
+      InputError: it is none.
+    """
+    number = isinstance(value, Real) and not isinstance(value, bool)
+    if not number or not SMALLEST <= value <= LARGEST:
+        raise InputError(f"{name} = {shown(value)}: give a length in m, above 0")
+    return float(value)

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from mrjax import contact, drag, particle
+from mrjax import checks, contact, drag, particle
 from mrjax.leapfrog import mean_decay
 from mrjax.parameters import Parameters
 
@@ -19,7 +19,11 @@ def terminal_velocity(parameters: Parameters) -> Array:
       >>> parameters = mrjax.Recipe.load("case1").parameters()
       >>> print(f"{86400e3 * mrjax.terminal_velocity(parameters):.1f} mm/day")
       491.2 mm/day
+
+    Raises:
+      InputError: parameters that are something else.
     """
+    checks.of_kind(Parameters, parameters=parameters)
     return jnp.divide(particle.net_weight(parameters), drag.coefficient(parameters))
 
 

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from mrjax import contact, drag, friction, particle
+from mrjax import checks, contact, drag, friction, particle
 from mrjax.parameters import Parameters
 
 REFINEMENT = 20.0
@@ -71,7 +71,11 @@ def time_step(parameters: Parameters, refinement: ArrayLike = REFINEMENT) -> Arr
     Example:
       >>> print(f"{mrjax.time_step(mrjax.Recipe.load('case2').parameters()):.2g} s")
       1e-10 s
+
+    Raises:
+      InputError: parameters that are something else.
     """
+    checks.of_kind(Parameters, parameters=parameters)
     return jnp.minimum(rayleigh_time(parameters), rise_time(parameters)) / refinement
 
 
@@ -79,7 +83,7 @@ def expected_overlap(parameters: Parameters, load: ArrayLike, speed: ArrayLike) 
     """Deepest overlap under a resting load, or from an impact if that is deeper; m, ().
 
     Args:
-      load: force on one contact, N.
+      load: force on one contact, at least 0, N.
       speed: of approach, m/s.
     """
     modulus, _, radius, mass = _pair(parameters)

@@ -2,7 +2,7 @@
 
 Re = rho_f v d / (f_v mu), of the coated particle   below 0.1: Stokes' drag within 2 % (Oseen 1910)
 St = v / (alpha R)                                  below 1: fluid has no memory of accelerations
-Pe = (m - m_f) g R / (k T)                          above 10: gravity moves them, not heat
+Pe = |m - m_f| g R / (k T)                         above 10: gravity moves them, not heat
 """
 
 from collections.abc import Iterable
@@ -65,7 +65,7 @@ def numbers(
 
     Args:
       parameters: of the particles and the fluid.
-      velocity: at which they settle, m/s, () or (N,).
+      velocity: at which they settle or rise, m/s, () or (N,).
       temperature: of the fluid, K.
     """
     reynolds, stokes, peclet = map(float, by_numpy(_worst, parameters, velocity, temperature))
@@ -91,11 +91,11 @@ def numbers(
 def _worst(
     parameters: Parameters, velocity: ArrayLike, temperature: ArrayLike
 ) -> tuple[Array, Array, Array]:
-    radius = particle.outer_radius(parameters)
-    inertia = timestep.relaxation_time(parameters) * velocity / radius
-    heat = particle.net_weight(parameters) * radius / (BOLTZMANN * temperature)
+    radius, speed = particle.outer_radius(parameters), jnp.abs(velocity)
+    inertia = timestep.relaxation_time(parameters) * speed / radius
+    heat = jnp.abs(particle.net_weight(parameters)) * radius / (BOLTZMANN * temperature)
     return (
-        jnp.max(observe.reynolds_number(velocity, parameters)),
+        jnp.max(observe.reynolds_number(speed, parameters)),
         jnp.max(inertia),
         jnp.min(heat),
     )

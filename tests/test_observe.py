@@ -36,6 +36,7 @@ def recorded(heights, radius=D / 2, box=BOX, times=None):
         mudline=jnp.max(heights + radius[None, :], axis=1),
         times=jnp.arange(len(heights), dtype=heights.dtype) if times is None else times,
         initial_height=box.height,
+        rising=False,
         check=lambda: None,
     )
 
@@ -209,7 +210,10 @@ def test_half_concentration_of_a_suspension_that_fills_the_box():
 
 def test_the_top_is_the_mudline_and_the_default():
     run = SimpleNamespace(
-        mudline=jnp.array([48e-6, 24e-6]), initial_height=48e-6, check=lambda: None
+        mudline=jnp.array([48e-6, 24e-6]),
+        initial_height=48e-6,
+        rising=False,
+        check=lambda: None,
     )
     np.testing.assert_array_equal(observe.top(run), run.mudline)
     np.testing.assert_allclose(observe.sedimentation_ratio(run), [1.0, 0.5], rtol=EXACT)
@@ -305,7 +309,9 @@ def test_no_bed_is_found_in_a_suspension():
 def curve(slope, rest, times):
     """A mudline that falls from 48 um and stops."""
     mudline = jnp.maximum(48e-6 - slope * times, rest)
-    return SimpleNamespace(times=times, mudline=mudline, initial_height=50e-6, check=lambda: None)
+    return SimpleNamespace(
+        times=times, mudline=mudline, initial_height=50e-6, rising=False, check=lambda: None
+    )
 
 
 def test_asymptotes_of_two_straight_lines():
@@ -326,7 +332,9 @@ def test_the_initial_slope_is_that_of_the_first_quarter():
     """Least squares through the start, over the frames within a quarter of the way of 16 um."""
     times = jnp.arange(6.0)
     mudline = 48e-6 - 1e-6 * jnp.array([0.0, 1.0, 3.0, 8.0, 3.5, 16.0])  # back within it: too late
-    run = SimpleNamespace(times=times, mudline=mudline, initial_height=50e-6, check=lambda: None)
+    run = SimpleNamespace(
+        times=times, mudline=mudline, initial_height=50e-6, rising=False, check=lambda: None
+    )
     assert float(observe.asymptotes(run).initial_slope) == near((1 + 2 * 3) / 5 * 1e-6)
     # Where frames are too far apart for any to lie within it, the first will have to do.
     run.mudline = 48e-6 - 1e-6 * jnp.array([0.0, 8.0, 12.0, 14.0, 15.0, 16.0])
@@ -441,7 +449,7 @@ def test_what_cannot_be_observed_is_refused():
         with pytest.raises(mrjax.InputError, match=f"fraction = {fraction}"):
             observe.mass_quantile(run, fraction)
     for thickness in (0.0, -1e-6, np.nan, [1e-6, 1e-6]):
-        with pytest.raises(mrjax.InputError, match=r"thickness = .* must be one positive length"):
+        with pytest.raises(mrjax.InputError, match=r"thickness = .* must be a positive number"):
             concentration(run, [1e-6], thickness)
     with pytest.raises(mrjax.InputError, match=r"levels have shape \(\)"):
         concentration(run, 1e-6, 1e-6)

@@ -306,9 +306,9 @@ def test_what_is_traced_is_asked_for(case2):
     [
         ({"duration": -1.0}, r"duration = -1.0 must be a positive number of s"),
         ({"duration": float("nan")}, "duration = nan"),
-        ({"duration": "1"}, "duration = 1 must be a positive number"),
+        ({"duration": "1"}, "duration = '1' must be a positive number"),
         ({"duration": 1e-8, "frames": 0}, "frames = 0"),
-        ({"duration": 1e-8, "frames": "a"}, "frames = a must be a whole number"),
+        ({"duration": 1e-8, "frames": "a"}, "frames = 'a' must be a whole number"),
         ({"duration": 1e-8, "frames": float("nan")}, "frames = nan"),
         ({"duration": 1e-8, "skin": -1}, "skin = -1"),
         ({"duration": 1e-8, "time_step": 0.0}, "time_step = 0.0"),

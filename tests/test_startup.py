@@ -120,19 +120,22 @@ def test_a_closed_form_fit_is_done_without_jax_md():
 
 
 NAMES = """
-import importlib, pkgutil, sys, types
+import importlib, pathlib, pkgutil, re, sys, types
 import {package} as package
 assert "jax" not in sys.modules and "numpy" not in sys.modules
 names = package.__all__
 assert set(names) <= set(dir(package))
-shadowed = [m.name for m in pkgutil.iter_modules(package.__path__) if m.name in names]
+stub = pathlib.Path(package.__file__).with_suffix(".pyi").read_text()
+modules = re.findall(r"^from \\. import (\\w+) as", stub, re.M)
+files = [m.name for m in pkgutil.iter_modules(package.__path__)]
+shadowed = [name for name in files if name in names and name not in modules]
 assert len(shadowed) >= 2
 for name in shadowed[::2]:  # the file first, or the name first
     module = importlib.import_module("{package}." + name)
     assert isinstance(module, types.ModuleType)
 for name in names:
     found = getattr(package, name)
-    assert not isinstance(found, types.ModuleType), name
+    assert isinstance(found, types.ModuleType) == (name in modules), name
     assert found is vars(importlib.import_module("{package}")).get(name, found)
 for name in shadowed:
     importlib.import_module("{package}." + name)

@@ -11,7 +11,7 @@ from matplotlib.ticker import EngFormatter
 from mrjax import checks, files
 from mrjax.errors import InputError
 from mrjax.figures import spheres
-from mrjax.figures.style import STYLE
+from mrjax.figures.style import STYLE, interface
 from mrjax.run import Run
 
 FORMATS = ("gif", "mp4")
@@ -72,7 +72,7 @@ def save_animation(path: str | Path, run: Run, pictures: int = 100) -> None:
     curve.set_xlim(times[0], times[-1])
     curve.set_ylim(0.0, run.box.height)
     curve.set_xlabel("time")
-    curve.set_ylabel("top of the highest particle")
+    curve.set_ylabel(interface(run))
     curve.xaxis.set_major_formatter(EngFormatter("s"))
     curve.yaxis.set_major_formatter(EngFormatter("m"))
     kind = animation.PillowWriter if path.suffix == ".gif" else animation.FFMpegWriter

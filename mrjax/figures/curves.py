@@ -7,7 +7,7 @@ from matplotlib.ticker import EngFormatter
 
 from mrjax import observe, theory
 from mrjax.concentration import concentration
-from mrjax.figures.style import PAGE, STYLE
+from mrjax.figures.style import PAGE, STYLE, interface
 from mrjax.parameters import Parameters
 from mrjax.run import Run
 from mrjax.sedimentation import Sedimentation
@@ -41,14 +41,17 @@ def settling(run: Run, parameters: Parameters) -> Figure:
     )
     velocity.set_ylabel("settling velocity, mm/day")
     velocity.legend()
-    mudline.plot(times, run.mudline[0] - np.asarray(run.mudline), "k-")
-    mudline.set_ylabel("descent of the mudline")
+    sign = -1.0 if np.any(run.rising) else 1.0
+    mudline.plot(times, sign * (run.mudline[0] - np.asarray(run.mudline)), "k-")
+    mudline.set_ylabel(f"{'rise' if sign < 0.0 else 'descent'} of the mudline")
     mudline.yaxis.set_major_formatter(EngFormatter("m"))
     for axes in (velocity, mudline):
         axes.set_xlabel("time")
         axes.xaxis.set_major_formatter(EngFormatter("s"))
         axes.set_ylim(bottom=0)
         axes.set_xlim(left=0)
+    if sign < 0.0:  # velocities are positive downwards
+        velocity.set_ylim(velocity.dataLim.y0 * 1.05, 0.0)
     return figure
 
 
@@ -66,7 +69,7 @@ def sedimentation(whole: Sedimentation) -> Figure:
     curve, profile = figure.subplots(1, 2)
     if len(ratio) > 1:
         curve.plot(times, ratio.T, color="0.65", linewidth=0.7)
-    curve.plot(times, ratio.mean(axis=0), "k-", label="top of the highest particle")
+    curve.plot(times, ratio.mean(axis=0), "k-", label=interface(whole.run))
     lines = jax.vmap(observe.asymptotes)(whole.run)
     final, crossing = float(lines.final_ratio.mean()), float(lines.crossing_time.mean())
     corners = ([0.0, crossing, times[-1]], [ratio[:, 0].mean(), final, final])

@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 
 from mrjax.concentration import concentration as volume_fraction
-from mrjax.figures.style import COLUMN, STYLE
+from mrjax.figures.style import COLUMN, STYLE, interface
 from mrjax.run import Run
 
 LEVELS = 200
@@ -34,7 +34,7 @@ def concentration(run: Run, thickness: float | None = None) -> Figure:
     figure = Figure(figsize=(COLUMN, 2.4), layout="constrained")
     axes = figure.subplots()
     drawn = axes.pcolormesh(begins, edges, np.asarray(fraction).T, vmin=0.0, rasterized=True)
-    axes.plot(times, run.mudline, "k--", linewidth=0.8, label="top of the highest particle")
+    axes.plot(times, run.mudline, "k--", linewidth=0.8, label=interface(run))
     axes.set_xlim(times[0], times[-1])
     axes.set_ylim(0.0, run.box.height)
     axes.set_xlabel("time")

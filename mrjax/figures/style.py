@@ -1,6 +1,9 @@
 """One look for all figures: legible in grey, in the widths and font sizes of a paper's columns."""
 
 import matplotlib
+import numpy as np
+
+from mrjax.run import Run
 
 COLUMN, PAGE = 3.4, 7.0
 """Widths of a figure in one column, and across both; inches."""
@@ -38,3 +41,8 @@ LINES = (
     {"color": "0.65", "linestyle": "--"},
 )
 """Lines that differ without colour."""
+
+
+def interface(run: Run) -> str:
+    """What the mudline of a run, or of several, is."""
+    return "bottom of the lowest particle" if np.any(run.rising) else "top of the highest particle"
