@@ -13,6 +13,7 @@ from calibrate.fit import Fit
 from calibrate.identify import identify, information
 from calibrate.waiting import stoppable
 from mrjax.permissive import permissive
+from mrjax.text import in_terminal
 
 LEVELS = {"68 %": 1.0, "95 %": 3.841459}
 """Increase of chi-squared at the ends of an interval, by its coverage."""
@@ -65,7 +66,7 @@ def _profile(fit: Fit, place: int, error: float, bar: tqdm) -> Profile:
     along[free] = -np.linalg.pinv(within, hermitian=True) @ curved[free, place]
     offsets = np.linspace(-REACH * error, REACH * error, POINTS)
     with permissive():
-        bar.set_postfix_str(name)
+        bar.set_postfix_str(in_terminal(name))
         lowest = _held(fit, free, best, steps=0)
         increase = np.empty(POINTS)
         for number, offset in enumerate(offsets):
