@@ -193,6 +193,7 @@ class Checkpoint:
         previous: str | None,
         arrays: Mapping[str, ArrayLike],
         metadata: Mapping[str, Any],
+        lasting: bool = True,
     ) -> str:
         """Keeps a piece; its digest."""
         numbers = {key: np.asarray(array) for key, array in arrays.items()}
@@ -209,7 +210,7 @@ class Checkpoint:
         self.claim()
         path = self._path(name)
         _is_file(path)
-        npz.write(path, numbers, told.model_dump())
+        npz.write(path, numbers, told.model_dump(), lasting)
         return found
 
     def _digest(
@@ -272,7 +273,9 @@ class Sequence:
         """
         previous = self._digests[-1] if self._digests else None
         number = len(self._digests)
-        found = self._checkpoint._write(self._piece_name(number), previous, arrays, {})
+        # Lost with the power, it is found missing, and the state before it is still there.
+        name = self._piece_name(number)
+        found = self._checkpoint._write(name, previous, arrays, {}, lasting=False)
         # Last: it says which pieces count.
         place = (number + 1) % 2
         self._checkpoint._write(self._state_name(place), found, state, {"pieces": number + 1})

@@ -48,11 +48,15 @@ def result_folder(path: Path) -> Path:
 
 
 @contextmanager
-def replacing(path: Path) -> Iterator[Path]:
+def replacing(path: Path, lasting: bool = True) -> Iterator[Path]:
     """A name beside a file, under which to write what then replaces it at once.
 
     A reader sees the old file or the new, never half of it, even after the power failed; what fails
     leaves the old one. The name is one that nobody can foresee, and was not there before.
+
+    Args:
+      path: of the file.
+      lasting: whether a failing power may not bring the old one back any more.
 
     Raises:
       SystemRefusal: it cannot be written, whatever the system raised inside.
@@ -72,8 +76,9 @@ def replacing(path: Path) -> Iterator[Path]:
         finally:
             with suppress(OSError):
                 scratch.unlink(missing_ok=True)
-    with suppress(OSError):  # some file systems cannot
-        _flush(path.parent)
+    if lasting:
+        with suppress(OSError):  # some file systems cannot
+            _flush(path.parent)
 
 
 def is_scratch(name: str) -> bool:

@@ -106,13 +106,19 @@ def named(path: str | Path) -> Path:
     return Path(path)
 
 
-def write(path: Path, arrays: Mapping[str, ArrayLike], metadata: Mapping[str, Any]) -> None:
+def write(
+    path: Path,
+    arrays: Mapping[str, ArrayLike],
+    metadata: Mapping[str, Any],
+    lasting: bool = True,
+) -> None:
     """Arrays by name in numpy's format, with all digits, and what they are as JSON; no pickle.
 
     Args:
       path: ends in `.npz`; replaced at once.
       arrays: of numbers; names tell units, such as `position_m`.
       metadata: what JSON takes, and numpy and JAX numbers as numbers.
+      lasting: as for `files.replacing`.
 
     Raises:
       TypeError: an array of objects, which only pickle could write.
@@ -122,7 +128,7 @@ def write(path: Path, arrays: Mapping[str, ArrayLike], metadata: Mapping[str, An
         if array.dtype.hasobject or name == METADATA:
             raise TypeError(f"{name}: an array of objects, or the name of the metadata")
     text = json.dumps(files.plain(metadata))
-    with files.replacing(path) as scratch:
+    with files.replacing(path, lasting) as scratch:
         kept: dict[str, Any] = {**numbers, METADATA: np.asarray(text)}
         np.savez(scratch, **kept)
 
