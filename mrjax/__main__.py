@@ -122,7 +122,7 @@ def simulate(
     import jax
 
     import mrjax
-    from mrjax import checks, figures, files, processes, results, timestep, validity
+    from mrjax import checks, environment, figures, files, processes, results, timestep, validity
     from mrjax.resume import kept
 
     if distributed is not None:
@@ -131,6 +131,7 @@ def simulate(
         if resume:
             raise click.UsageError("--resume is of a single process: leave out --distributed")
         processes.join(*distributed)
+        environment.find_devices()
     sheet = processes.by_first(lambda: mrjax.Recipe.load(recipe))
     for name, value in (("--duration", duration), ("--time-step", time_step)):
         if value is not None:
@@ -200,6 +201,7 @@ def simulate(
                 trajectory=recorded,
                 checkpoint=checkpoint and checkpoint / "rest",
             )
+            processes.leave()
             if not processes.is_first():
                 return
             run, columns = whole.run, _curve(whole)

@@ -178,7 +178,9 @@ def start_jax(dtype: str, devices: bool = True) -> None:
     """
     from mrjax import environment
 
-    environment.start_jax(dtype, devices)
+    environment.start_jax(dtype)
+    if devices:
+        environment.find_devices()
     from mrjax import cache
 
     cache.keep()

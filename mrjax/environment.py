@@ -27,7 +27,7 @@ SETTINGS = {
 PARSES_FLAGS = "from jaxlib import _jax; _jax.CompileOptions()"
 
 
-def start_jax(dtype: str, devices: bool = True) -> None:
+def start_jax(dtype: str) -> None:
     """Imports JAX with `SETTINGS`, and makes `dtype` its default for the rest of the process.
 
     Raises:
@@ -42,9 +42,18 @@ def start_jax(dtype: str, devices: bool = True) -> None:
         raise InputError(f"{_reason(error)}; correct that variable, or unset it") from None
     for name, value in {**SETTINGS, "jax_enable_x64": dtype == "float64"}.items():
         jax.config.update(name, value)
+
+
+def find_devices() -> None:
+    """Has JAX find its devices.
+
+    Raises:
+      InputError: there are none, or the environment asks for others.
+    """
+    import jax
+
     try:
-        if devices:
-            jax.devices()
+        jax.devices()
     except Exception as error:  # of any kind: an assertion where CUDA is asked for
         asked = ", ".join(
             f"{name} = {shown(os.environ[name])}"

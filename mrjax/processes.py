@@ -1,9 +1,9 @@
-"""Work divided among the processes of one computation, on one machine or several."""
+"""Work divided among the processes of one computation, on one machine or several.
+
+They are those of `--distributed`, which `join` brings together, or those of `jax.distributed`.
+"""
 
 import os
-import pickle
-import socket
-import time
 from collections.abc import Callable, Sequence
 from typing import TypeVar
 
@@ -11,63 +11,79 @@ import jax
 import numpy as np
 from jax.experimental import multihost_utils
 
+from mrjax import messages, partners
 from mrjax.errors import InputError, SimulationError, SystemRefusal
 
 T = TypeVar("T")
 R = TypeVar("R")
 
-PATIENCE = 300.0
-"""How long a process waits for the first one to be there, s; JAX waits as long for the others."""
+_group: partners.Group | None = None
+"""Of this process, once it has joined."""
 
 
 def join(address: str | None = None, count: int | None = None, number: int | None = None) -> None:
     """Makes this process one of `count`, which all call this, before anything is computed.
 
+    From then on a process that dies ends all others with one line and exit status 3: at once where
+    they wait for it, else within `partners.GRACE`, `partners.SILENCE` later where its machine died.
+
     Args:
       address: HOST:PORT at which process 0 can be reached.
       count: of the processes.
       number: of this one, from 0 on. All three left out, they are those of the cluster's scheduler,
-        as `jax.distributed.initialize` finds them.
+        as JAX finds them.
 
     Raises:
-      InputError: the others cannot be reached, or there is no scheduler.
+      InputError: the others do not come within `partners.PATIENCE`, or there is no scheduler.
     """
+    global _group
     try:
-        if address is not None:
-            _try(address, number)
-        jax.distributed.initialize(address, count, number)
+        if address is None:
+            address, count, number = _scheduled()
+        if address is None or count is None or number is None:
+            raise ValueError("there is no scheduler")
+        _group = partners.meet(address, count, number)
     except (ValueError, RuntimeError, OSError) as error:
-        reason = str(error).splitlines()[0].rstrip(".")
+        reason = (str(error).splitlines() or [type(error).__name__])[0].rstrip(".")
         raise InputError(
             f"the processes did not find each other ({reason}); give all the same HOST:PORT and "
             "COUNT, and each its own number"
         ) from None
 
 
-def _try(address: str, number: int | None) -> None:
-    """Listens or connects once: where JAX cannot, it crashes instead of raising."""
-    host, _, port = address.rpartition(":")
-    if not int(port) < 2**16:
-        raise ValueError(f"{port} is no port")
-    if number == 0:
-        socket.create_server(("", int(port))).close()
-        return
-    began = time.monotonic()
-    while True:
-        try:
-            socket.create_connection((host, int(port)), timeout=10.0).close()
-            return
-        except socket.gaierror:
-            raise
-        except OSError:
-            if time.monotonic() - began > PATIENCE:
-                raise
-        time.sleep(0.1)
+def leave() -> None:
+    """Says that this process has done its share: it may end without ending the others."""
+    if _group is not None:
+        _group.leave()
+
+
+def _scheduled() -> tuple[str | None, int | None, int | None]:
+    """Address, count and number, as the cluster's scheduler has them; GPUs divided likewise."""
+    from jax._src.clusters import ClusterEnv  # JAX has no public name for it
+
+    address, count, number, devices = ClusterEnv.auto_detect_unset_distributed_params(
+        None, None, None, None, None, int(partners.PATIENCE)
+    )
+    if devices:
+        visible = ",".join(map(str, devices))
+        jax.config.update("jax_cuda_visible_devices", visible)
+        jax.config.update("jax_rocm_visible_devices", visible)
+    return address, count, number
+
+
+def count() -> int:
+    """Of the processes."""
+    return jax.process_count() if _group is None else _group.count
+
+
+def number() -> int:
+    """Of this process, from 0 on."""
+    return jax.process_index() if _group is None else _group.number
 
 
 def is_first() -> bool:
     """Whether this process is the one that writes and speaks; true of a single one."""
-    return jax.process_index() == 0
+    return number() == 0
 
 
 def divided(work: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[R]:
@@ -76,24 +92,29 @@ def divided(work: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[
     Every process calls this with as many items.
 
     Args:
-      work: from some of the items to as many results, which can be pickled.
+      work: from some of the items to as many results, of which `messages` can be made.
       items: all of them.
 
     Raises:
       InputError, SimulationError, SystemRefusal: as raised by the work of any process.
+      SystemRefusal: a process is lost.
     """
-    count = jax.process_count()
-    if count == 1:
+    total = count()
+    if total == 1:
         return work(items)
     try:
-        done: list[R] | Exception = work(items[jax.process_index() :: count])
+        done: list[R] | Exception = work(items[number() :: total])
     except (InputError, SimulationError, SystemRefusal) as error:  # the others must not wait
         done = error
-    shares = _of_all(done)
+    try:
+        shares = [messages.decode(one) for one in _of_all(messages.encode(done))]
+    except ValueError as error:
+        raise SystemRefusal(f"what another process sent {error}; give a free port") from None
     for share in shares:
         if isinstance(share, Exception):
+            leave()
             raise share
-    return [shares[place % count][place // count] for place in range(len(items))]
+    return [shares[place % total][place // total] for place in range(len(items))]
 
 
 def by_first(work: Callable[[], R]) -> R:
@@ -101,13 +122,15 @@ def by_first(work: Callable[[], R]) -> R:
     return divided(lambda some: [work() for _ in some], [None])[0]
 
 
-def _of_all(mine: object) -> list:
+def _of_all(mine: bytes) -> list[bytes]:
     """What each process holds, in their order, on every process."""
-    packed = np.frombuffer(pickle.dumps(mine), np.uint8)
+    if _group is not None:
+        return _group.gather(mine)
+    packed = np.frombuffer(mine, np.uint8)
     sizes = multihost_utils.process_allgather(np.array(packed.size)).ravel()
     padded = np.pad(packed, (0, int(sizes.max()) - packed.size))
     rows = multihost_utils.process_allgather(padded)
-    return [pickle.loads(row[:size].tobytes()) for row, size in zip(rows, sizes, strict=True)]
+    return [row[:size].tobytes() for row, size in zip(rows, sizes, strict=True)]
 
 
 def usable_cores() -> int:

@@ -104,7 +104,7 @@ def settle(
         time_step = min(interval, expected.step(numbers, box, particles, falling, hindrance))
     kept = None
     if checkpoint is not None:
-        if jax.process_count() > 1:
+        if processes.count() > 1:
             raise InputError("checkpoint: is kept by a single process; leave it out")
         kept = Checkpoint.of_work(
             Path(checkpoint),

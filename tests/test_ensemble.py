@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import mrjax
-from mrjax import processes
+from mrjax import partners, processes
 
 RUNS = """
 import pickle, sys
@@ -28,7 +28,7 @@ import mrjax
 from mrjax import processes
 
 if count > 1:
-    processes.join(f"127.0.0.1:{port}", count, number)
+    jax.distributed.initialize(f"127.0.0.1:{port}", count, number)
 import jax.numpy as jnp
 
 assert len(jax.devices()) == count * devices and jax.process_count() == count
@@ -53,7 +53,9 @@ found = {
     "five": mrjax.ensemble(run, factors),
     "two": mrjax.ensemble(run, factors[:2]),
     "slope": jax.grad(total)(2.0),
+    "divided": processes.divided(lambda some: [2 * one for one in some], (1, 2, 3)),
 }
+assert processes.is_first() == (number == 0)
 with open(f"found-{number}", "wb") as file:
     pickle.dump(jax.device_get(found), file)
 """
@@ -208,7 +210,7 @@ def test_a_fault_of_one_process_is_told_by_all(tmp_path):
 @pytest.mark.parametrize("number", [0, 1])
 def test_an_address_that_cannot_be_used_is_refused(monkeypatch, number):
     """Taken, or with nobody there: JAX would crash."""
-    monkeypatch.setattr(processes, "PATIENCE", 0.0)
+    monkeypatch.setattr(partners, "PATIENCE", 0.0)
     with socket.socket() as taken:
         taken.bind(("", 0))
         where = f"127.0.0.1:{taken.getsockname()[1]}"

@@ -1,0 +1,131 @@
+"""What processes send each other: JSON, and the bytes of arrays; nothing that could run when read.
+
+A message is the length of its JSON (8 bytes), the JSON, and all arrays one after another.
+"""
+
+import dataclasses
+import json
+import math
+import struct
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from mrjax.box import Box
+from mrjax.errors import InputError, SimulationError, SystemRefusal
+from mrjax.history import Contacts
+from mrjax.recipe import Recipe
+from mrjax.run import Run
+from mrjax.state import State
+from mrjax.trajectory import Trajectory
+
+TABLES = {one.__name__: one for one in (Box, Contacts, Run, State, Trajectory)}
+"""Dataclasses by name."""
+ERRORS = {one.__name__: one for one in (InputError, SimulationError, SystemRefusal)}
+LENGTH = struct.Struct("!Q")
+KINDS = "biufc"
+"""Kinds of numbers, as numpy has them."""
+
+
+def encode(value: Any) -> bytes:
+    """A message.
+
+    Args:
+      value: of numbers, text, arrays, lists, paths, recipes, `TABLES` and `ERRORS`.
+
+    Raises:
+      TypeError: it holds anything else.
+    """
+    arrays: list[np.ndarray] = []
+    text = json.dumps(_plain(value, arrays)).encode("ascii")
+    parts = (np.ascontiguousarray(array).tobytes() for array in arrays)
+    return b"".join((LENGTH.pack(len(text)), text, *parts))
+
+
+def decode(message: bytes) -> Any:
+    """What was encoded; arrays are JAX's.
+
+    Raises:
+      ValueError: it is no message, or ends too early.
+    """
+    try:
+        (length,) = LENGTH.unpack_from(message)
+        tree = json.loads(message[LENGTH.size : LENGTH.size + length].decode("ascii"))
+        return _Reader(message, LENGTH.size + length).value(tree)
+    except (ValueError, struct.error, KeyError, TypeError, AttributeError, RecursionError) as error:
+        raise ValueError(f"is no message of mrjax ({type(error).__name__})") from None
+
+
+def _plain(value: Any, arrays: list[np.ndarray]) -> Any:
+    """What JSON has a form for; arrays are put aside, in the order of reading."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    if isinstance(value, list | tuple):
+        return {type(value).__name__: [_plain(one, arrays) for one in value]}
+    if isinstance(value, np.ndarray | jax.Array):
+        array = np.asarray(value)
+        if array.dtype.kind not in KINDS:
+            raise TypeError(f"an array of {array.dtype} is not sent")
+        arrays.append(array)
+        return {"array": [array.dtype.str, list(array.shape)]}
+    if isinstance(value, Path):
+        return {"path": str(value)}
+    if isinstance(value, Recipe):
+        return {"recipe": value.model_dump(mode="json", exclude_none=True)}
+    if (name := type(value).__name__) in TABLES:
+        fields = dataclasses.fields(value)
+        return {name: {one.name: _plain(getattr(value, one.name), arrays) for one in fields}}
+    if isinstance(value, Exception) and name in ERRORS:
+        more = {one: _plain(getattr(value, one, None), arrays) for one in _MORE}
+        return {name: {"text": str(value), **more}}
+    raise TypeError(f"a {name} is not sent")
+
+
+_MORE = ("state", "time", "faults")
+"""Of a `SimulationError`, beside its text."""
+
+
+class _Reader:
+    """Reads arrays from a message, one after another."""
+
+    def __init__(self, message: bytes, at: int) -> None:
+        self.message, self.at = message, at
+
+    def value(self, tree: Any) -> Any:
+        """What JSON stands for."""
+        if not isinstance(tree, dict):
+            return tree
+        ((kind, held),) = tree.items()
+        match kind:
+            case "list":
+                return [self.value(one) for one in held]
+            case "tuple":
+                return tuple(self.value(one) for one in held)
+            case "array":
+                return jnp.asarray(self._array(*held))
+            case "path":
+                return Path(held)
+            case "recipe":
+                return Recipe.model_validate(held)
+        found = {name: self.value(one) for name, one in held.items()}
+        if kind in TABLES:
+            return TABLES[kind](**found)
+        error = ERRORS[kind](found["text"])
+        if isinstance(error, SimulationError):
+            error.state, error.time = found["state"], found["time"]
+            error.faults = found["faults"]
+        return error
+
+    def _array(self, dtype: str, shape: list[int]) -> np.ndarray:
+        """The next one; numpy refuses one that is longer than the message."""
+        kind = np.dtype(dtype)
+        if kind.kind not in KINDS or min(shape, default=0) < 0:
+            raise TypeError(dtype)
+        array = np.frombuffer(self.message, kind, math.prod(shape), self.at)
+        self.at += array.nbytes
+        return array.reshape(shape)
