@@ -189,6 +189,8 @@ def covariance(information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     Args:
       information: (P, P).
     """
+    if not np.isfinite(information).all():
+        return np.zeros_like(information), np.eye(len(information))
     strength, directions = np.linalg.eigh(information)
     lost = strength < RANK_TOLERANCE**2 * max(strength[-1], np.finfo(float).tiny)
     variance = np.where(lost, 0.0, 1.0 / np.where(lost, 1.0, strength))
@@ -197,8 +199,6 @@ def covariance(information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _standard_errors(fit: Fit) -> dict[str, float]:
     """From the curvature of data and priors together; logarithmic errors times the values."""
-    if not np.isfinite(fit.jacobian).all():
-        return dict.fromkeys(fit.names, np.inf)
     spread, unbounded = covariance(information(fit))
     unknown = np.sum(unbounded**2, axis=1) > RANK_TOLERANCE
     unknown |= np.sqrt(np.diag(spread)) > UNKNOWN

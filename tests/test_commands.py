@@ -365,6 +365,18 @@ def test_a_fit_of_misfitting_data_says_so_in_its_report(tmp_path):
     assert "do not agree with the model" in (tmp_path / "fit" / "report.md").read_text()
 
 
+def test_calibrate_shows_every_stage_on_standard_error(tmp_path):
+    """Not on standard output, and nothing of it with --quiet."""
+    work = ("fang2005", "--model", "closed-form", "--leave-one-out", "--pdf")
+    status, out, err = run(*work, module="calibrate", folder=tmp_path)
+    assert status == 0, err
+    for stage in ("fit: search, iteration", "chi-squared", "profiles", "each from the others"):
+        assert stage in err and stage not in out
+    assert "figures" in err
+    status, out, err = run(*work, "--quiet", module="calibrate", folder=tmp_path)
+    assert (status, out, err) == (0, "", "")
+
+
 WRONG = {
     "no such recipe": (["simulate", "nothing"], ["nothing: no such file", "case1, case2, case3"]),
     "a directory": (["simulate", "."], ["is a directory"]),

@@ -11,6 +11,7 @@ import pytest
 import calibrate
 import mrjax
 from calibrate import LogNormal
+from calibrate.identify import covariance, information
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 
@@ -253,6 +254,8 @@ def test_residuals_that_are_no_numbers_identify_nothing():
     assert not fit.converged and found.combinations == ()
     assert found.standard_errors == {"a": np.inf} and found.determined == {"a": False}
     assert found.null_directions == ("a",)
+    known, unbounded = covariance(information(fit))
+    assert not known.any() and unbounded.shape == (1, 1)
 
 
 def test_an_error_larger_than_the_value_determines_nothing():
