@@ -19,6 +19,7 @@ import jax.numpy as jnp  # noqa: E402 - precision comes before anything is compu
 import numpy as np  # noqa: E402
 
 import calibrate  # noqa: E402
+from calibrate.chains import Sampler  # noqa: E402
 from calibrate.posterior import posterior  # noqa: E402
 from calibrate.profile import profiles  # noqa: E402
 
@@ -60,14 +61,32 @@ def sample() -> None:
         posterior(BENT, samples=10**6)
 
 
+COMPILED = threading.Event()
+
+
+def told_when_compiled(pieces):
+    """A posterior is compiled anew in every call: its first piece says when that is done."""
+
+    def telling(self, *arguments):
+        for found in pieces(self, *arguments):
+            COMPILED.set()
+            yield found
+
+    return telling
+
+
 def interrupted(call, after: float) -> float:
     """Seconds from the signal to the end of the call."""
     sent = []
 
     def send() -> None:
+        if call is sample:
+            COMPILED.wait()
+            time.sleep(after)
         sent.append(time.perf_counter())
         os.kill(os.getpid(), signal.SIGINT)
 
+    COMPILED.clear()
     threading.Timer(after, send).start()
     try:
         call()
@@ -77,14 +96,14 @@ def interrupted(call, after: float) -> float:
 
 
 if __name__ == "__main__":
+    Sampler.pieces = told_when_compiled(Sampler.pieces)
     call = {"fit": fit, "profiles": profile_of, "posterior": sample}[sys.argv[1]]
     FITTED, BENT = calibrate.fit(heavy, START), calibrate.fit(bent, START)
     began = time.perf_counter()
     np.asarray(FITTED.linearised(np.zeros(2), FITTED.given)[0])
     print(f"a run of the model takes {time.perf_counter() - began:.2g} s", file=sys.stderr)
-    interrupted(call, 20.0)  # what it needs is compiled by then
+    if call is not sample:
+        interrupted(call, 20.0)  # what it needs is compiled by then
     chance = random.Random(0)
     for _ in range(int(sys.argv[2])):
-        # A posterior is compiled anew in every call.
-        least = 12.0 if call is sample else 0.5
-        print(interrupted(call, chance.uniform(least, least + 4.0)), flush=True)
+        print(interrupted(call, chance.uniform(0.5, 4.5)), flush=True)
