@@ -249,9 +249,7 @@ class Sequence:
             count = _count(state)
             if count <= len(pieces) and state.told.previous == digests[count - 1]:
                 if fault:
-                    LOG.warning(
-                        "%s; the work goes on after the %d before it", in_message(fault), count
-                    )
+                    LOG.warning("%s; the work goes on after %d pieces", in_message(fault), count)
                 self._digests = digests[:count]
                 return [piece.arrays for piece in pieces[:count]], state.arrays
         if states or self._later_than_first():

@@ -442,3 +442,16 @@ def test_two_processes_do_not_share_a_checkpoint(tmp_path):
             raise AssertionError
         assert checkpoint.holds_anything(folder)
     assert not folder.exists()
+
+
+def test_a_command_says_in_one_line_where_it_goes_on_from_an_earlier_piece(tmp_path, capsys):
+    with pytest.raises(KeyboardInterrupt), resume.kept(tmp_path, False, True, seed=1) as folder:
+        whole = walk(folder / "rest")
+        raise KeyboardInterrupt
+    last = max((folder / "rest").glob("part-0*"))
+    last.unlink()
+    with resume.kept(tmp_path, True, True, seed=1) as folder:
+        assert np.array_equal(walk(folder / "rest"), whole)
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("mrjax: warning: ") and last.name in line
+    assert line.endswith("is missing; the work goes on after 4 pieces")
