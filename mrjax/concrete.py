@@ -26,6 +26,14 @@ def concrete(value: ArrayLike) -> np.ndarray | None:
         return None
 
 
+def plain(tree: Any) -> bool:
+    """Whether all values are known, and what is computed with them is known at once."""
+    leaves = jax.tree.leaves(tree)
+    traced = any(isinstance(leaf, jax.core.Tracer) for leaf in leaves)
+    # Under a trace of jit constants become traced values, too.
+    return not traced and not isinstance(jnp.zeros(()) + 0.0, jax.core.Tracer)
+
+
 def known(tree: Tree) -> Tree:
     """The same tree of numbers, without what differentiates them; traced ones stay as they are."""
 

@@ -14,9 +14,6 @@ from mrjax.recipe import Recipe
 from mrjax.soften import softened
 from mrjax.units import MM_PER_DAY
 
-TO_REST = 2.5
-"""How much longer beds take to rest than a free fall would, about: case2 and case3 do."""
-
 
 @dataclass(frozen=True)
 class Quantity:
@@ -48,7 +45,7 @@ def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
     step = expected.step(soft, recipe.box, count, falling, recipe.hindrance)
     factor = float(soft.elastic_modulus) / float(parameters.elastic_modulus)
     numbers = validity.numbers(parameters, of["velocity"])
-    rest, steps = TO_REST * fall, TO_REST * fall / step
+    rest, steps = expected.TO_REST * fall, expected.TO_REST * fall / step
     found = [
         ("particles", "particles in the box", count, "1"),
         ("volume_fraction", "volume fraction of particles", recipe.volume_fraction, "1"),

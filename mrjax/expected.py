@@ -21,6 +21,8 @@ RANDOM_BED = (Mode(2.8, 2.8, 2.8),)
 """About what the contacts of a random bed of spheres add up to; a run that shows this to be too few
 is repeated with shorter steps."""
 
+TO_REST = 2.5
+"""How much longer beds take to rest than a free fall would, about: case2 and case3 do."""
 PACKED = 0.64
 """Volume fraction of a random close packing: what is left to fall through, at most."""
 THIN = 0.5

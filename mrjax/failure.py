@@ -12,10 +12,12 @@ from scipy.spatial import cKDTree
 
 from mrjax import particle
 from mrjax.box import AXES, Box
+from mrjax.by_numpy import by_numpy
+from mrjax.engine import DEEPEST
 from mrjax.errors import SimulationError
 from mrjax.hindrance import Hindrance
 from mrjax.parameters import Parameters
-from mrjax.run import Fault, Run, reasons
+from mrjax.run import Fault, reasons
 from mrjax.scan import Setup, attempt
 from mrjax.schedule import Schedule
 from mrjax.state import State
@@ -30,26 +32,48 @@ def failure(
     hindrance: Hindrance | None,
     box: Box,
     setup: Setup,
-    run: Run,
+    faults: int,
     time: float,
 ) -> SimulationError:
-    """What to tell of a run with a fault that cannot be mended.
+    """What to tell of a run with faults that cannot be mended.
 
     Args:
       state: in which the run began: the last good one.
       parameters, hindrance, box, setup: of the run.
-      run: with its fault.
+      faults: that it has.
       time: at which it began, s.
     """
-    span = _Span(state, setup, time, run)
+    span = _Span(state, setup, time, Fault(faults))
     if span.faults != Fault.UNSTABLE:  # that is of the whole bed
         span = _narrowed(span, parameters, hindrance, box)
     where = f"between {span.begins:.6g} and {span.ends:.6g} s"
-    if span.setup.cuts.total == 1:
-        where = f"at {span.ends:.6g} s, {_who(span, parameters, box)}"
-    error = SimulationError(f"{where}: {reasons(span.faults)} (steps of {run.time_step:.3g} s)")
-    error.state, error.time, error.faults = state, time, int(run.fault)
+    if span.end is not None:
+        where = f"at {span.ends:.6g} s, {_who(span, span.end, parameters, box)}"
+    error = SimulationError(f"{where}: {reasons(span.faults)} (steps of {setup.time_step:.3g} s)")
+    error.state, error.time, error.faults = state, time, faults
     return error
+
+
+def refuse_deep_start(state: State, parameters: Parameters, box: Box) -> None:
+    """Refuses a start whose surfaces overlap by more than the contact law describes.
+
+    Args:
+      state, parameters: concrete.
+      box: the container.
+
+    Raises:
+      SimulationError: the deepest contact, and how deep it is.
+    """
+    position = np.asarray(state.position)
+    if not np.isfinite(position).all():
+        return  # which the run says
+    with jax.ensure_compile_time_eval():
+        outer = by_numpy(particle.outer_radius, parameters)
+    depth, names = _deepest(position, np.broadcast_to(outer, len(position)), box)
+    if depth > DEEPEST:
+        error = SimulationError(f"at 0 s, {names}: {reasons(Fault.TOO_DEEP)}")
+        error.state, error.time, error.faults = state, 0.0, int(Fault.TOO_DEEP)
+        raise error
 
 
 @dataclass(frozen=True)
@@ -59,12 +83,8 @@ class _Span:
     state: State  # at its beginning
     setup: Setup
     begins: float  # s
-    run: Run
-
-    @property
-    def faults(self) -> Fault:
-        """Of the piece."""
-        return Fault(int(self.run.fault))
+    faults: Fault
+    end: State | None = None  # where it is a single step
 
     @property
     def ends(self) -> float:
@@ -74,19 +94,20 @@ class _Span:
 
 def _narrowed(span: _Span, parameters: Parameters, hindrance: Hindrance | None, box: Box) -> _Span:
     """The shortest piece of it, a single step if possible, that has a fault."""
-    while span.setup.cuts.total > 1:
+    while span.end is None:
         setup, state, begins = _piece(span.setup), span.state, span.begins
         while begins < span.ends - 0.5 * setup.duration:
             run = _once(state, parameters, hindrance, box, setup)
             if not run.fault:
                 state, begins = run.state, begins + setup.duration
-            elif (mended := setup.mended(run)) is not None:
+            elif (mended := setup.mended(int(run.fault), state.particles)) is not None:
                 setup = mended
             else:
                 break
         else:
             return span  # rounded otherwise, it does not come again
-        span = _Span(state, setup, begins, run)
+        end = run.state if setup.cuts.total == 1 else None
+        span = _Span(state, setup, begins, Fault(int(run.fault)), end)
     return span
 
 
@@ -103,9 +124,9 @@ def _piece(setup: Setup) -> Setup:
 _once = jax.jit(attempt, static_argnames=("box", "setup"))
 
 
-def _who(step: _Span, parameters: Parameters, box: Box) -> str:
+def _who(step: _Span, end: State, parameters: Parameters, box: Box) -> str:
     """The particles to which a single step brought its faults, in words."""
-    faults, end = step.faults, step.run.state
+    faults = step.faults
     position, velocity, spin = map(np.asarray, (end.position, end.velocity, end.spin))
     if Fault.NOT_FINITE in faults:
         finite = np.isfinite(np.hstack([position, velocity, spin])).all(axis=1)
@@ -118,7 +139,7 @@ def _who(step: _Span, parameters: Parameters, box: Box) -> str:
         before, drift = np.asarray(step.state.position), np.asarray(step.state.velocity)
         radius = np.asarray(particle.outer_radius(parameters))
         half_way = before + 0.5 * step.setup.duration * drift
-        return _deepest(half_way, np.broadcast_to(radius, len(half_way)), box)
+        return _deepest(half_way, np.broadcast_to(radius, len(half_way)), box)[1]
     return _named((velocity**2).sum(axis=1).argmax(keepdims=True))
 
 
@@ -129,8 +150,8 @@ def _named(particles: np.ndarray) -> str:
     return f"particle{'s' * (particles.size > 1)} {few}{others}"
 
 
-def _deepest(position: np.ndarray, radius: np.ndarray, box: Box) -> str:
-    """The contact with the greatest overlap in radii, and how deep it is.
+def _deepest(position: np.ndarray, radius: np.ndarray, box: Box) -> tuple[float, str]:
+    """The greatest overlap, in radii, and the contact that has it with its depth, in words.
 
     Args:
       position: centres, (N, 3) in m.
@@ -138,22 +159,24 @@ def _deepest(position: np.ndarray, radius: np.ndarray, box: Box) -> str:
       box: the container.
     """
     size, periodic = np.array(box.size), np.array(box.periodic)
-    wrapped = np.where(periodic, position % size, position)
+    wrapped = np.where(periodic, position - size * np.floor(position / size), position)
+    wrapped = np.where(periodic & (wrapped >= size), 0.0, wrapped)  # by rounding
     tree = cKDTree(wrapped, boxsize=np.where(periodic, size, 0.0))
     first, second = tree.query_pairs(2.0 * radius.max(), output_type="ndarray").T
-    apart = wrapped[first] - wrapped[second]
-    apart -= np.where(periodic, size * np.round(apart / size), 0.0)
-    overlap = radius[first] + radius[second] - np.sqrt((apart**2).sum(axis=1))
-    contacts = [
-        (depth, f"particles {one} and {other}")
-        for depth, one, other in zip(
-            overlap / np.minimum(radius[first], radius[second]), first, second, strict=True
-        )
-    ]
+    contacts = [(0.0, "nothing")]
+    if first.size:
+        apart = wrapped[first] - wrapped[second]
+        apart -= np.where(periodic, size * np.round(apart / size), 0.0)
+        overlap = radius[first] + radius[second] - np.sqrt((apart**2).sum(axis=1))
+        depth = overlap / np.minimum(radius[first], radius[second])
+        who = int(depth.argmax())
+        contacts.append((float(depth[who]), f"particles {first[who]} and {second[who]}"))
     for axis in box.walled_axes:
         for end, gap in (("lower", position[:, axis]), ("upper", size[axis] - position[:, axis])):
             depth = 1.0 - gap / radius
             who = int(depth.argmax())
-            contacts.append((depth[who], f"particle {who} and the {end} wall in {AXES[axis]}"))
-    depth, names = max(contacts)
-    return f"{names}, {depth:.2g} radii deep"
+            contacts.append(
+                (float(depth[who]), f"particle {who} and the {end} wall in {AXES[axis]}")
+            )
+    deepest, names = max(contacts)
+    return deepest, f"{names}, {deepest:.2g} radii deep"

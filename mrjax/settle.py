@@ -1,11 +1,9 @@
 """The whole sedimentation curve: a run, or an ensemble of runs, until the bed rests."""
 
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from threading import Event
 from typing import Any
 
 import jax
@@ -20,13 +18,18 @@ from mrjax.checkpoint import Checkpoint, refuse_foreign
 from mrjax.concrete import known
 from mrjax.errors import InputError, SimulationError
 from mrjax.hindrance import Hindrance, as_tree
+from mrjax.interruption import Stop, interruptible, side_by_side
 from mrjax.parameters import Parameters
+from mrjax.pieces import Pieces
 from mrjax.run import Fault, Run
 from mrjax.scan import Setup
 from mrjax.simulate import prepared
-from mrjax.stages import ALONG, Kept, joined, stages
+from mrjax.stages import keep, resume
 from mrjax.state import State
+from mrjax.watching import announce
 
+ALONG = ("heights", "mean_velocity", "mean_speed", "trajectory")
+"""What a run has one of for every frame, beside the times."""
 FRAMES_AT_ONCE = 10
 FRAMES_AT_REST = 3
 PATIENCE = 20.0
@@ -121,48 +124,44 @@ def settle(
             states=[state_file.arrays(state) for state in each],
         )
         kept.claim()  # before threads would do so at once
+    steps = expected.TO_REST * expectation / time_step
+    announce("settle", steps * len(each) / min(len(each), processes.usable_cores()), particles)
     tried = 0
-    while True:
-        setup = prepared(
-            each[0],
-            parameters,
-            box,
-            duration=interval * FRAMES_AT_ONCE,
-            frames=FRAMES_AT_ONCE,
-            time_step=time_step,
-            skin=skin,
-            hindrance=hindrance,
-            rebuild_every=rebuild_every,
-            touch=True,
-            trajectory=trajectory,
-        )
-        at = setup, (rest, falling), longest
-        attempt = f"try-{tried}"
-        follow = partial(_until_rest, parameters, hindrance, box, *at, progress, kept, attempt)
-        found = processes.divided(partial(_side_by_side, follow), each)
-        runs = [run for run in found if run is not None]
-        if len(runs) == len(found):
-            return runs[0] if isinstance(states, State) else _stacked(runs)
-        time_step = SHORTER * setup.duration / setup.cuts.total
-        tried += 1
+    with interruptible() as stop:
+        while True:
+            setup = prepared(
+                each[0],
+                parameters,
+                box,
+                duration=interval * FRAMES_AT_ONCE,
+                frames=FRAMES_AT_ONCE,
+                time_step=time_step,
+                skin=skin,
+                hindrance=hindrance,
+                rebuild_every=rebuild_every,
+                touch=True,
+                trajectory=trajectory,
+            )
+            at = setup, (rest, falling), longest
+            follow = partial(
+                _until_rest, parameters, hindrance, box, *at, progress, kept, f"try-{tried}", stop
+            )
+            found = processes.divided(partial(_side_by_side, follow, stop), each)
+            runs = [run for run in found if run is not None]
+            if len(runs) == len(found):
+                return runs[0] if isinstance(states, State) else _stacked(runs)
+            time_step = SHORTER * setup.time_step
+            tried += 1
 
 
 def _side_by_side(
-    follow: Callable[[Event, int, State], Run | None], states: Sequence[State]
+    follow: Callable[[int, State], Run | None], stop: Stop, states: Sequence[State]
 ) -> list[Run | None]:
     """Every state followed, one on each processor: a run is busy outside Python."""
-    stopped = Event()
-    if len(states) <= 1:
-        return [follow(stopped, 0, state) for state in states]
-    pool = ThreadPoolExecutor(processes.usable_cores())
-    try:
-        return list(pool.map(partial(follow, stopped), range(len(states)), states))
-    except Exception:  # the others end with the part that they are at
-        stopped.set()
-        pool.shutdown(wait=True, cancel_futures=True)
-        raise
-    finally:  # an interruption does not wait for them
-        pool.shutdown(wait=False, cancel_futures=True)
+    runs = [partial(follow, place, state) for place, state in enumerate(states)]
+    if len(runs) <= 1:
+        return [run() for run in runs]
+    return side_by_side(runs, processes.usable_cores(), stop)
 
 
 def _until_rest(
@@ -175,38 +174,46 @@ def _until_rest(
     progress: bool,
     checkpoint: Checkpoint | None,
     called: str,
-    stopped: Event,
+    stop: Stop,
     place: int,
     state: State,
 ) -> Run | None:
-    """Part after part until the particles rest; None where that takes a shorter step."""
-    rest, falling = speeds
-    kept = None if checkpoint is None else Kept(checkpoint.sequence(f"{called}-start-{place}"))
-    following = stages(state, parameters, hindrance, box, setup, kept)
-    parts, fastest = [], 0.0
+    """Ten frames after ten until the particles rest; None where that takes a shorter step."""
+    kept = None if checkpoint is None else checkpoint.sequence(f"{called}-start-{place}")
+    pieces = Pieces(state, parameters, hindrance, box, setup, stop=stop)
+    resume(pieces, kept)
     with _bar(progress, place) as bar:
-        while not stopped.is_set():
+        while not (pieces.place.frame and _rests(pieces, speeds, longest, bar)):
             try:
-                part = next(following)
+                pieces.go_on(FRAMES_AT_ONCE)
             except SimulationError as error:
                 if error.faults == Fault.UNSTABLE:
                     return None
                 raise
-            parts.append(part)
-            speed = np.asarray(part.mean_speed)
-            fastest, time = max(fastest, speed.max()), setup.duration * len(parts)
-            slow = rest * min(falling, fastest)
-            left = speed[-1] / fastest if fastest > 0.0 else 0.0
-            bar.set_postfix_str(f"{time:.3g} s, {left:.2%} of the greatest speed", False)
-            bar.update(max(bar.n, _share(speed[-1], fastest, slow)) - bar.n)
-            if (speed[-FRAMES_AT_REST:] <= slow).all():
-                return joined(parts, setup)
-            if time >= longest:
-                raise SimulationError(
-                    f"after {time:.4g} s the particles still move at {speed[-1]:.3g} m/s, more "
-                    f"than {slow:.3g} m/s: give a larger `longest` or `rest`"
-                )
-    return None
+            keep(pieces, kept)
+    return pieces.run()
+
+
+def _rests(pieces: Pieces, speeds: tuple[float, float], longest: float, bar: tqdm) -> bool:
+    """Whether the particles rest by now, which the bar is told, too.
+
+    Raises:
+      SimulationError: they still move after the longest time.
+    """
+    (rest, falling), speed = speeds, pieces.mean_speed
+    fastest, time = speed.max(), pieces.place.frame * pieces.frame_length
+    slow = rest * min(falling, fastest)
+    left = speed[-1] / fastest if fastest > 0.0 else 0.0
+    bar.set_postfix_str(f"{time:.3g} s, {left:.2%} of the greatest speed", False)
+    bar.update(max(bar.n, _share(speed[-1], fastest, slow)) - bar.n)
+    if (speed[-FRAMES_AT_REST:] <= slow).all():
+        return True
+    if time >= longest:
+        raise SimulationError(
+            f"after {time:.4g} s the particles still move at {speed[-1]:.3g} m/s, more "
+            f"than {slow:.3g} m/s: give a larger `longest` or `rest`"
+        )
+    return False
 
 
 def _stacked(runs: list[Run]) -> Run:

@@ -4,6 +4,7 @@ In a traced call all numbers are NaN then; a plain one is repeated with more roo
 """
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import jax
@@ -17,15 +18,18 @@ from mrjax import (
     timestep,
 )
 from mrjax.box import Box
-from mrjax.concrete import concrete, known, where_known
+from mrjax.concrete import concrete, known, plain, where_known
 from mrjax.errors import InputError
 from mrjax.failure import failure
 from mrjax.forces import Laws
 from mrjax.hindrance import BED, Hindrance, as_tree
+from mrjax.interruption import interruptible
 from mrjax.parameters import Parameters
+from mrjax.pieces import Pieces
 from mrjax.run import Run
 from mrjax.scan import Setup, attempt
 from mrjax.state import State
+from mrjax.watching import watched
 
 
 def simulate(
@@ -42,12 +46,15 @@ def simulate(
     cell_capacity: int | None = None,
     hindrance: Hindrance | None = None,
     trajectory: bool = False,
+    progress: bool = False,
 ) -> Run:
     """Follows the particles for a while.
 
-    Pure: works under `jit`, `grad`, `jvp` and `vmap`, in the dtype of the state. A plain call
-    gives the neighbour list more room, or rebuilds it more often, and repeats where that is what a
-    run needs; a traced call cannot, and returns NaN with the reason in `Run.fault`.
+    Pure: works under `jit`, `grad`, `jvp` and `vmap`, in the dtype of the state. A plain call runs
+    in pieces of a fraction of a second, after each of which Ctrl-C ends it; a traced call is one
+    compiled program. A plain call gives the neighbour list more room, or rebuilds it more often,
+    and repeats a frame where that is what a run needs; a traced call cannot, and returns NaN with
+    the reason in `Run.fault`.
 
     Args:
       state: where the particles start, from `disperse` or `place`.
@@ -67,12 +74,13 @@ def simulate(
         `lambda phi: (1 - phi) ** -4.65`: each particle then feels that
         of its own height (`mrjax.hindrance`) in place of the parameters' f_w.
       trajectory: whether to record all positions, velocities and spins (`Run.trajectory`).
+      progress: whether to show a progress bar, on standard error (plain calls).
 
     Raises:
       InputError: an argument that cannot be used, a step that would be unstable, or a traced value
         where a concrete one is needed.
       SimulationError: the run is not to be trusted (plain calls). Says when and to which particle
-        it happened, and what to change; carries the state in which the run began.
+        it happened, and what to change; carries the state at the beginning of that frame.
 
     Example:
       >>> recipe = mrjax.Recipe.load("case2")
@@ -83,7 +91,8 @@ def simulate(
     """
     checks.of_run(state, parameters, box)
     hindrance = as_tree(hindrance)
-    setup = prepared(
+    prepare = partial(
+        prepared,
         state,
         parameters,
         box,
@@ -97,15 +106,30 @@ def simulate(
         cell_capacity=cell_capacity,
         trajectory=trajectory,
     )
+    if not plain((state, parameters, hindrance)):
+        return _traced(state, parameters, hindrance, box, prepare())
+    with interruptible() as stop:
+        setup = prepare()
+        pieces = Pieces(state, parameters, hindrance, box, setup, stop=stop)
+        with watched("simulate", pieces, progress) as watch:
+            pieces.go_on(setup.cuts.frames, watch)
+        return pieces.run()
+
+
+def _traced(
+    state: State, parameters: Parameters, hindrance: Hindrance | None, box: Box, setup: Setup
+) -> Run:
+    """The run as one program; with more room and again, where a differentiated call needs that."""
     while True:
         run = attempt(state, parameters, hindrance, box, setup)
         fault = concrete(run.fault)
         if fault is None or not fault.any():
             return run
-        mended = setup.mended(run)
+        faults = int(fault.flat[0])
+        mended = setup.mended(faults, state.particles)
         if mended is None:
             began, grains, law = _values((state, parameters, hindrance))
-            raise failure(began, grains, law, box, setup, run, time=0.0)
+            raise failure(began, grains, law, box, setup, faults, time=0.0)
         setup = mended
 
 

@@ -17,7 +17,7 @@ from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir, partial_eval
 
 import mrjax
-from mrjax import forces, machine_code, neighbours, pairs, scan
+from mrjax import engine, forces, machine_code, neighbours, pairs, pieces
 from mrjax.history import Memory
 from mrjax.pairs import Pairs
 from mrjax.pairwise import pairwise
@@ -852,14 +852,14 @@ def builds(monkeypatch):
         return build(*given)
 
     monkeypatch.setattr(neighbours, "build", counted)
-    scan._scan.clear_cache()
+    pieces._advance.clear_cache()
     yield seen
-    scan._scan.clear_cache()
+    pieces._advance.clear_cache()
 
 
 def flight(monkeypatch, parameters, state, hurry, duration=1.0, steps=400):
-    monkeypatch.setattr(scan, "HURRY", hurry)
-    scan._scan.clear_cache()
+    monkeypatch.setattr(engine, "HURRY", hurry)
+    pieces._advance.clear_cache()
     run = mrjax.simulate(
         state,
         parameters,
@@ -885,7 +885,7 @@ RESTING = mrjax.place(GRID + RANDOM.uniform(-0.2, 0.2, GRID.shape))
 def test_lists_that_are_kept_give_what_those_built_anew_give(builds, monkeypatch, start, gravity):
     """They cross many skins of 0.2, and collide; built anew, after every step."""
     parameters = BALLS.replace(gravity=gravity)
-    kept = flight(monkeypatch, parameters, start, scan.HURRY)
+    kept = flight(monkeypatch, parameters, start, engine.HURRY)
     of_kept = len(builds)
     anew = flight(monkeypatch, parameters, start, 1e9)
     of_anew = len(builds) - of_kept

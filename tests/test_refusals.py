@@ -2,6 +2,7 @@
 
 import errno
 import os
+import resource
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -22,6 +23,7 @@ def command(
     out=subprocess.PIPE,
     err=subprocess.PIPE,
     closed: str = "",
+    limits: dict[int, int] | None = None,
 ) -> tuple[int, str, str]:
     """Exit status, standard output and error of a command.
 
@@ -31,8 +33,14 @@ def command(
       module: which command.
       out, err: its standard output and error.
       closed: what the shell closes of it, such as `>&-`.
+      limits: of the system, by their constants.
     """
     line = f'exec "$0" "$@" {closed}'
+
+    def limited() -> None:
+        for which, most in (limits or {}).items():
+            resource.setrlimit(which, (most, most))
+
     done = subprocess.run(
         ["sh", "-c", line, sys.executable, "-m", module, *map(str, arguments)],
         stdout=out,
@@ -40,6 +48,7 @@ def command(
         text=True,
         cwd=folder,
         env={**ENVIRONMENT, "JAX_PLATFORMS": "cpu", "JAX_COMPILATION_CACHE_DIR": COMPILED.name},
+        preexec_fn=limited,
         timeout=300,
     )
     return done.returncode, done.stdout or "", done.stderr or ""

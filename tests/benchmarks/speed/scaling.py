@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mrjax import scan
-from mrjax.scan import Setup, attempt
+from mrjax import engine
+from mrjax.scan import Setup
 from mrjax.schedule import MOST_STEPS_BETWEEN_REBUILDS
 
 from . import memory, process, states, timing
@@ -70,7 +70,7 @@ def here(folder: str, tiles: int, work: float) -> Iterator[dict[str, float]]:
     more = {"kept": steps, "anew": max(2, int(REBUILDS * steps))}
 
     def seconds(setup: Setup) -> float:
-        return timing.seconds(lambda: attempt(state, parameters, None, box, setup))
+        return timing.seconds(lambda: states.run(state, parameters, box, setup))
 
     # At rest nothing outruns a list that is kept for a whole run.
     runs = {
@@ -80,17 +80,16 @@ def here(folder: str, tiles: int, work: float) -> Iterator[dict[str, float]]:
         ]
         for name, first in FIRST.items()
     }
-    hurry = scan.HURRY
+    hurry = engine.HURRY
     for name, both in runs.items():
-        scan.HURRY = hurry if name == "kept" else ALWAYS
+        engine.HURRY = hurry if name == "kept" else ALWAYS
         for setup in both:
-            if int(attempt(state, parameters, None, box, setup).fault):
-                raise RuntimeError(f"{state.particles:,} particles at rest: a run has a fault")
-    scan.HURRY = hurry
+            states.run(state, parameters, box, setup)
+    engine.HURRY = hurry
     longest = runs["kept"][1]
     yield {
         "particles": state.particles,
-        "peak": memory.taken(lambda: attempt(state, parameters, None, box, longest)),
+        "peak": memory.taken(lambda: states.run(state, parameters, box, longest)),
     }
     while True:
         yield {

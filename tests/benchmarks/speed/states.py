@@ -11,9 +11,12 @@ import numpy as np
 import mrjax
 from mrjax.box import Box
 from mrjax.dropped import ELASTIC_MODULUS, REST, RESTITUTION
+from mrjax.interruption import Stop
 from mrjax.overlap import OVERLAP
 from mrjax.parameters import Parameters
+from mrjax.pieces import Pieces
 from mrjax.recipe import Recipe
+from mrjax.run import Run
 from mrjax.scan import Setup
 from mrjax.simulate import prepared
 from mrjax.state import State
@@ -60,6 +63,13 @@ def dry_run(state: State, box: Box, steps: int, rebuild_every: int | None = None
         skin=SKIN,
         rebuild_every=rebuild_every,
     )
+
+
+def run(state: State, parameters: Parameters, box: Box, setup: Setup) -> Run:
+    """A run as `mrjax.simulate` makes it, with all decided."""
+    whole = Pieces(state, parameters, None, box, setup, stop=Stop())
+    whole.go_on(setup.cuts.frames)
+    return whole.run()
 
 
 def in_oil() -> Parameters:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from mrjax.run import Run
-from mrjax.scan import Setup, attempt
+from mrjax.scan import Setup
 
 from . import liggghts, process, states, timing
 from .process import Process
@@ -92,14 +92,12 @@ def here(
 
     def until(step: int) -> tuple[Setup, Run]:
         setup = states.dry_run(state, box, step)
-        while int((run := attempt(state, parameters, None, box, setup)).fault):
-            setup = setup.mended(run)
-        return setup, run
+        return setup, states.run(state, parameters, box, setup)
 
     (shorter, _), (longer, run) = until(warm), until(warm + steps)
 
     def seconds(setup: Setup) -> float:
-        return timing.seconds(lambda: attempt(state, parameters, None, box, setup))
+        return timing.seconds(lambda: states.run(state, parameters, box, setup))
 
     yield {
         "builds": longer.cuts.intervals - shorter.cuts.intervals,

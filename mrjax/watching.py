@@ -1,0 +1,81 @@
+"""What a long call says of itself: before it begins, and while it goes on."""
+
+import logging
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from tqdm import tqdm
+
+from mrjax.pieces import Pieces
+
+LONG = 60.0
+"""Expected length of a call from which on it says so before it begins, s."""
+_log = logging.getLogger("mrjax.progress")
+
+
+def expected_seconds(steps: float, particles: int) -> float:
+    """How long steps take on one core of a processor of 2024, about, s.
+
+    A step costs 2 us and 80 ns a particle in a bed; a suspension takes half of it
+    (`python -m tests.benchmarks.speed`).
+    """
+    return steps * (2e-6 + 8e-8 * particles)
+
+
+def announce(call: str, steps: float, particles: int) -> None:
+    """Says through the logger `mrjax.progress` that a call will take more than a minute.
+
+    Args:
+      call: name of the function.
+      steps: that it will take, about.
+      particles: N.
+    """
+    seconds = expected_seconds(steps, particles)
+    if seconds > LONG:
+        _log.warning(
+            "%s takes %.2g steps of %d particles, about %s on one core; a longer step (softer "
+            "contacts, mrjax.softened), a shorter duration or fewer particles make it shorter",
+            call,
+            steps,
+            particles,
+            in_words(seconds),
+        )
+
+
+def in_words(seconds: float) -> str:
+    """A length of time with its unit."""
+    for unit, length in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * length:
+            return f"{seconds / length:.2g} {unit}"
+    return f"{seconds:.2g} s"
+
+
+@contextmanager
+def watched(call: str, pieces: Pieces, progress: bool) -> Iterator[Callable[[int], object]]:
+    """A progress bar of a run of given duration, to be told the steps of every piece.
+
+    It shows steps, physical time and what is left.
+
+    Args:
+      call: name of the function.
+      pieces: of the run, about to begin or to go on.
+      progress: whether to show it.
+    """
+    total = pieces.setup.cuts.total
+    announce(call, total - pieces.steps, pieces.particles)
+    with tqdm(
+        total=total,
+        initial=pieces.steps,
+        desc=call,
+        unit=" steps",
+        disable=not progress,
+        bar_format="{desc} {percentage:3.0f} % |{bar:20}| {n_fmt} of {total_fmt} steps, "
+        "{remaining} left{postfix}",
+        unit_scale=True,
+    ) as bar:
+
+        def watch(steps: int) -> None:
+            bar.set_postfix_str(f"{pieces.done * pieces.frame_length:.3g} s", False)
+            bar.update(steps)
+
+        yield watch
