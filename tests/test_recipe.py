@@ -673,7 +673,11 @@ def test_what_is_replaced_is_checked_and_the_rest_stays(case3):
         ("4e-6", "4e-12", "particle.diameter = 4e-12: smaller than an atom; give m: 4 um is 4e-6"),
         ("4e-6", "[4e-6, 4e-12]", "particle.diameter.values = 4e-12: smaller than an atom"),
         ("4e-6", "[4e-6, 1e300]", "particle.diameter.values = [4e-06, 1e+300]: must be a list"),
-        ("25e-6, 25e-6", "1e300, 25e-6", "box.size = [1e+300, 2.5e-05, 5e-05]: too large"),
+        (
+            "25e-6, 25e-6",
+            "1e300, 25e-6",
+            "box.size = [1e+300, 2.5e-05, 5e-05] must be three positive lengths in m, from 1e-30",
+        ),
         ("25e-6, 25e-6", "1" + "0" * 400 + ", 25e-6", "box.size = [1000000"),
         ('"son2018"', '{closure = "richardson-zaki", exponent = 1e3}', "drag.f_w = {'closure': "),
         ("f_s = 1.10", "f_s = [1e30, 1e30, 1e-30]", "drag.f_s = [1e+30, 1e+30, 1e-30]: a factor"),
