@@ -2,7 +2,6 @@
 
 import errno
 import os
-import resource
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -23,7 +22,6 @@ def command(
     out=subprocess.PIPE,
     err=subprocess.PIPE,
     closed: str = "",
-    limits: dict[int, int] | None = None,
 ) -> tuple[int, str, str]:
     """Exit status, standard output and error of a command.
 
@@ -33,13 +31,8 @@ def command(
       module: which command.
       out, err: its standard output and error.
       closed: what the shell closes of it, such as `>&-`.
-      limits: of the system, by their constants.
     """
     line = f'exec "$0" "$@" {closed}'
-
-    def limited() -> None:
-        for which, most in (limits or {}).items():
-            resource.setrlimit(which, (most, most))
 
     done = subprocess.run(
         ["sh", "-c", line, sys.executable, "-m", module, *map(str, arguments)],
@@ -48,7 +41,6 @@ def command(
         text=True,
         cwd=folder,
         env={**ENVIRONMENT, "JAX_PLATFORMS": "cpu", "JAX_COMPILATION_CACHE_DIR": COMPILED.name},
-        preexec_fn=limited,
         timeout=300,
     )
     return done.returncode, done.stdout or "", done.stderr or ""
