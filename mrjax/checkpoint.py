@@ -160,7 +160,8 @@ class Checkpoint:
         self, name: str, arrays: Mapping[str, ArrayLike], metadata: Mapping[str, Any] | None = None
     ) -> None:
         """Keeps a piece that hangs on no other, in place of what went by that name."""
-        self._write(name, None, arrays, metadata or {})
+        # There may be hundreds in a second; one that is lost with the power is done again.
+        self._write(name, None, arrays, metadata or {}, "nothing")
 
     def sequence(self, name: str) -> "Sequence":
         """Pieces that hang on each other, one after the other."""
@@ -193,7 +194,7 @@ class Checkpoint:
         previous: str | None,
         arrays: Mapping[str, ArrayLike],
         metadata: Mapping[str, Any],
-        lasting: bool = True,
+        lasting: files.Lasting,
     ) -> str:
         """Keeps a piece; its digest."""
         numbers = {key: np.asarray(array) for key, array in arrays.items()}
@@ -273,10 +274,12 @@ class Sequence:
         number = len(self._digests)
         # Lost with the power, it is found missing, and the state before it is still there.
         name = self._piece_name(number)
-        found = self._checkpoint._write(name, previous, arrays, {}, lasting=False)
+        found = self._checkpoint._write(name, previous, arrays, {}, "content")
         # Last: it says which pieces count.
         place = (number + 1) % 2
-        self._checkpoint._write(self._state_name(place), found, state, {"pieces": number + 1})
+        self._checkpoint._write(
+            self._state_name(place), found, state, {"pieces": number + 1}, "name"
+        )
         self._digests.append(found)
 
     def _pieces(self, count: int) -> tuple[list[_Piece], str]:

@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -26,6 +26,8 @@ DOTS_PER_INCH = 300
 """Of figures as PNG."""
 MOST_DOTS, MOST_DOTS_IN_ALL = 60_000, 1e8
 """Along a side, and of a whole figure: matplotlib draws no more than 65,535 along a side."""
+Lasting = Literal["name", "content", "nothing"]
+
 SCRATCH = ".mrjax-"
 """How the names of scratch files begin."""
 WATCHING: ContextVar[Callable[[Path, Path], None] | None] = ContextVar("watching", default=None)
@@ -48,7 +50,7 @@ def result_folder(path: Path) -> Path:
 
 
 @contextmanager
-def replacing(path: Path, lasting: bool = True) -> Iterator[Path]:
+def replacing(path: Path, lasting: Lasting = "name") -> Iterator[Path]:
     """A name beside a file, under which to write what then replaces it at once.
 
     A reader sees the old file or the new, never half of it, even after the power failed; what fails
@@ -56,7 +58,8 @@ def replacing(path: Path, lasting: bool = True) -> Iterator[Path]:
 
     Args:
       path: of the file.
-      lasting: whether a failing power may not bring the old one back any more.
+      lasting: what survives a failing power: the file in place of the old one; its content, or else
+        the old one; or perhaps nothing, where that is found and mended.
 
     Raises:
       SystemRefusal: it cannot be written, whatever the system raised inside.
@@ -69,14 +72,15 @@ def replacing(path: Path, lasting: bool = True) -> Iterator[Path]:
         try:
             yield scratch
             os.chmod(scratch, 0o666 & ~_umask())
-            _flush(scratch)
+            if lasting != "nothing":
+                _flush(scratch)
             if (watching := WATCHING.get()) is not None:
                 watching(path, scratch)
             os.replace(scratch, path)
         finally:
             with suppress(OSError):
                 scratch.unlink(missing_ok=True)
-    if lasting:
+    if lasting == "name":
         with suppress(OSError):  # some file systems cannot
             _flush(path.parent)
 

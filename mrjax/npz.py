@@ -110,7 +110,7 @@ def write(
     path: Path,
     arrays: Mapping[str, ArrayLike],
     metadata: Mapping[str, Any],
-    lasting: bool = True,
+    lasting: files.Lasting = "name",
 ) -> None:
     """Arrays by name in numpy's format, with all digits, and what they are as JSON; no pickle.
 
