@@ -120,6 +120,7 @@ def simulate(
     began = time.perf_counter()
     commands.start_jax(dtype, devices=distributed is None)
     import jax
+    from tqdm import tqdm
 
     import mrjax
     from mrjax import checks, environment, figures, files, processes, results, timestep, validity
@@ -150,6 +151,7 @@ def simulate(
             f"velocity: give --duration {STEADY_AFTER * relaxation:.2g} or more"
         )
     recorded = bool(trajectory or animate)
+    shown = not quiet and processes.is_first()
     work = dict(
         command="simulate", recipe=sheet, duration=duration, time_step=time_step, frames=frames
     )
@@ -170,6 +172,7 @@ def simulate(
             time_step=time_step if duration is not None else None,
             hindrance=sheet.hindrance,
             trajectory=recorded and duration is not None,
+            progress=shown,
             checkpoint=checkpoint and checkpoint / "rise",
         )
         velocity = float(mrjax.settling_velocity(rise))
@@ -197,7 +200,7 @@ def simulate(
                 overlap=overlap,
                 frames=frames,
                 time_step=time_step,
-                progress=not quiet and processes.is_first(),
+                progress=shown,
                 trajectory=recorded,
                 checkpoint=checkpoint and checkpoint / "rest",
             )
@@ -235,7 +238,7 @@ def simulate(
         files.write_json(folder / "summary.json", summary)
         files.write_csv(folder / "curve.csv", columns)
         mrjax.save_run(folder / "run.npz", runs[0] if ensemble == 1 else run, made_by)
-        for name, figure in drawn.items():
+        for name, figure in tqdm(drawn.items(), desc="figures", disable=not shown, leave=False):
             files.write_figure(folder, name, figure, made_by, pdf)
         for number, one in enumerate(runs if recorded else []):
             of_seed = "" if ensemble == 1 else f"-seed-{seed + number}"
@@ -244,7 +247,8 @@ def simulate(
             if "vtk" in trajectory:
                 mrjax.write_vtk(folder / f"trajectory{of_seed}.pvd", one)
             for ending in animate:
-                figures.save_animation(folder / f"settling{of_seed}.{ending}", one)
+                film = folder / f"settling{of_seed}.{ending}"
+                figures.save_animation(film, one, progress=shown)
     for warning in warnings:
         commands.echo(f"mrjax: warning: {warning}", err=True)
     if as_json:
@@ -424,6 +428,8 @@ def reproduce(
 ) -> None:
     """Runs the paper's three cases and writes the comparison."""
     commands.start_jax(dtype)
+    from tqdm import tqdm
+
     import mrjax
     from mrjax import files, paper_figures
     from mrjax import reproduce as paper
@@ -437,10 +443,13 @@ def reproduce(
     work = dict(command="reproduce", ensemble=ensemble, seed=seed, dtype=dtype)
     writes = ["reproduce.json", "reproduce.md"]
     with kept(folder, resume, quiet, writes, **work) as checkpoint:
-        runs = paper.simulated(seed, ensemble, report, checkpoint)
+        runs = paper.simulated(seed, ensemble, report, checkpoint, progress=not quiet)
         report("settling case2 at its viscosity")
         settled = mrjax.sedimentation(
-            mrjax.Recipe.load("case2"), seed, checkpoint=checkpoint / "settled"
+            mrjax.Recipe.load("case2"),
+            seed,
+            progress=not quiet,
+            checkpoint=checkpoint / "settled",
         )
         found = paper.rows(runs)
         table = files.markdown_table(
@@ -460,7 +469,7 @@ def reproduce(
         )
         figures = paper_figures.of_paper(found, runs, settled)
         made_by = {"seed": seed, "dtype": dtype, "versions": commands.versions()}
-        for one in figures:
+        for one in tqdm(figures, desc="figures", disable=quiet, leave=False):
             files.write_figure(folder, one.name, one.figure, made_by, pdf)
         shown = "\n".join(
             f"![Fig. {one.number}]({one.name}.png)\n\nFig. {one.number}. {one.caption}\n"

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 from click.shell_completion import CompletionItem
 
-from mrjax import refusals, streams
+from mrjax import exit_at_once, refusals, streams
 from mrjax.errors import InputError, SimulationError, shown
 from mrjax.text import in_message, in_terminal
 
@@ -30,6 +30,9 @@ EXIT_STATUS = (
     "operating system (go on with --resume), 130 interrupted."
 )
 """The last lines of every help."""
+
+resumable: Callable[[], bool] = lambda: False
+"""Whether the command keeps what `--resume` would go on with, by now."""
 
 PACKAGES = ("mrjax", "jax", "jaxlib", "jax-md", "optax", "scipy", "numpy")
 
@@ -205,6 +208,7 @@ def made_by(sheet: "Recipe", seed: int, dtype: str) -> dict[str, Any]:
 def run(command: click.Command, name: str) -> None:
     """Runs a command and exits, with one line for every failure; the statuses: `EXIT_STATUS`."""
     streams.guard()
+    exit_at_once.watch(lambda: _interrupted(name, resumable()))
     status, text = _outcome(command, name)
     if text:
         echo(in_message(f"{name}: {text}"), err=True)
@@ -225,8 +229,8 @@ def _outcome(command: click.Command, name: str) -> tuple[int, str]:
         return WRONG_INPUT, str(error)
     except SimulationError as error:
         return UNTRUSTED, str(error)
-    except (KeyboardInterrupt, click.Abort) as stop:
-        _interrupted(name, stop)
+    except (KeyboardInterrupt, click.Abort):
+        _interrupted(name, resumable())
     except Exception as error:
         line = refusals.in_one_line(error)
         if line is None:
@@ -234,9 +238,9 @@ def _outcome(command: click.Command, name: str) -> tuple[int, str]:
         return REFUSED, line
 
 
-def _interrupted(name: str, stop: BaseException) -> NoReturn:
-    # What click makes an Abort of says, where it was kept, how to go on.
-    advice = "".join(f"; {text}" for text in getattr(stop.__cause__, "args", ()))
+def _interrupted(name: str, resumable: bool) -> NoReturn:
+    """Ends the process, from any thread; says whether --resume would go on."""
+    advice = "; go on with --resume" if resumable else ""
     click.echo(err=True)
     echo(f"{name}: interrupted; no results were written{advice}", err=True)
     with suppress(OSError):

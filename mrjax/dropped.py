@@ -33,6 +33,7 @@ def dropped(
     seeds: Iterable[int],
     friction: float = INFERRED_FRICTION,
     periodic: bool = False,
+    progress: bool = False,
     checkpoint: Path | None = None,
 ) -> Run:
     """Lets the recipe's particles fall in a vacuum until their bed rests.
@@ -42,6 +43,7 @@ def dropped(
       seeds: of the M random starts, one run for each.
       friction: Coulomb's coefficient between particles and on the walls.
       periodic: whether the sides of the box are periodic images in place of walls.
+      progress: whether to show progress bars, on standard error.
       checkpoint: folder that keeps the runs as they go, as for `mrjax.settle`.
 
     Returns:
@@ -67,5 +69,6 @@ def dropped(
         time_step=TIME_STEP,
         rest=REST if friction > 0.0 else REST_WITHOUT_FRICTION,
         longest=LONGEST,
+        progress=progress,
         checkpoint=checkpoint,
     )

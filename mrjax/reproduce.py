@@ -112,6 +112,7 @@ def simulated(
     starts: int = 3,
     report: Callable[[str], None] = lambda text: None,
     checkpoint: Path | None = None,
+    progress: bool = False,
 ) -> Simulated:
     """Runs what the paper ran.
 
@@ -120,6 +121,7 @@ def simulated(
       starts: M, how many suspensions of each kind are dropped.
       report: called with a line before each part.
       checkpoint: folder that keeps the beds as they go, as for `mrjax.settle`.
+      progress: whether to show progress bars, on standard error.
     """
     recipes = {case: Recipe.load(case) for case in CASES}
     velocities = {}
@@ -136,7 +138,8 @@ def simulated(
     for case in ("case1", "case3"):
         report(f"dropping {starts} suspension{'s' * (starts > 1)} of {case}")
         kept = checkpoint and checkpoint / case
-        beds[case] = dropped(recipes[case], range(seed, seed + starts), checkpoint=kept)
+        seeds = range(seed, seed + starts)
+        beds[case] = dropped(recipes[case], seeds, progress=progress, checkpoint=kept)
     beds["case2"] = beds["case1"]
     dispersed = {case: mrjax.disperse(recipe, seed) for case, recipe in recipes.items()}
     return Simulated(velocities, beds, dispersed)

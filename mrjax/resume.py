@@ -35,7 +35,6 @@ def kept(
         of these names is not of mrjax.
       SimulationError: what was raised inside, with the name of the file of the last good state.
       SystemRefusal: the system refused something inside; what is kept stays, and it says so.
-      KeyboardInterrupt: likewise, with how to go on.
     """
     path = folder / FOLDER
     with results.guarded(folder, writes) as ours, _telling():
@@ -50,6 +49,7 @@ def kept(
             if checkpoint.holds_anything(path) and not quiet:
                 commands.echo(f"Going on with what {path} keeps.", err=True)
             ours.discard(LAST_GOOD)
+            commands.resumable = lambda: checkpoint.holds_anything(path)
             yield path
 
 
@@ -67,10 +67,6 @@ def _leaving(path: Path, ours: results.Results) -> Iterator[None]:
         raise SimulationError(
             f"{error}; the last good state, of {error.time:.6g} s, is in {last_good}"
         ) from None
-    except KeyboardInterrupt:
-        if checkpoint.holds_anything(path):
-            raise KeyboardInterrupt("go on with --resume") from None
-        raise
     except OSError as error:
         line = refusals.in_one_line(error)
         if checkpoint.holds_anything(path):

@@ -2,9 +2,11 @@
 
 import logging
 import random
+import signal
 import subprocess
 import sys
 import threading
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +17,7 @@ from test_resume import Stopped, alike, stopping
 from test_settle import WALLED, dispersed, soft
 
 import mrjax
-from mrjax import interruption, order, pieces, schedule, stages, watching
+from mrjax import commands, interruption, order, pieces, schedule, stages, watching
 
 DURATION = dict(duration=3.0, frames=6, time_step=0.003, skin=0.05)
 
@@ -204,6 +206,33 @@ def test_one_run_that_fails_stops_the_others(small, monkeypatch):
     with pytest.raises(mrjax.SimulationError, match="the second fails"):
         mrjax.settle([state, other], parameters, WALLED, frames=40)
     assert len(stopped) == 1
+
+
+BUSY = """
+import click, jax
+from mrjax import commands
+
+@click.command()
+def busy():
+    print("begun", flush=True)
+    jax.lax.fori_loop(0, 2**31 - 1, lambda _, x: jax.numpy.sin(x), 1.0).block_until_ready()
+    jax.lax.fori_loop(0, 2**31 - 1, lambda _, x: jax.numpy.cos(x), 1.0).block_until_ready()
+
+commands.run(busy, "busy")
+"""
+
+
+def test_ctrl_c_ends_a_command_that_is_busy_outside_python():
+    """As while JAX compiles, or in one run of a model of the user's own: in minutes otherwise."""
+    process = subprocess.Popen(
+        [sys.executable, "-c", BUSY], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout.readline() == "begun\n"
+    time.sleep(1.0)  # it is in the first of the two loops
+    process.send_signal(signal.SIGINT)
+    _, told = process.communicate(timeout=30.0)
+    assert process.returncode == commands.INTERRUPTED
+    assert told.strip() == "busy: interrupted; no results were written"
 
 
 # --- a run is watched -----------------------------------------------------------------------------

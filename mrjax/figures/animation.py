@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib import animation
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
+from tqdm import tqdm
 
 from mrjax import checks, files
 from mrjax.errors import InputError
@@ -37,13 +38,14 @@ def refuse_without_writer(path: Path) -> None:
 
 
 @STYLE
-def save_animation(path: str | Path, run: Run, pictures: int = 100) -> None:
+def save_animation(path: str | Path, run: Run, pictures: int = 100, progress: bool = False) -> None:
     """Writes a run as a film of 20 pictures to the second.
 
     Args:
       path: ends in `.gif`, or in `.mp4`, for which the program ffmpeg is needed; replaced at once.
       run: one that recorded its trajectory.
       pictures: at most; evenly spaced frames of the run, the first and the last among them.
+      progress: whether to show a progress bar, on standard error.
 
     Raises:
       InputError: a run without a trajectory, another ending, or no ffmpeg.
@@ -86,7 +88,7 @@ def save_animation(path: str | Path, run: Run, pictures: int = 100) -> None:
         files.replacing(path) as scratch,
         writer.saving(figure, scratch, DOTS_PER_INCH),
     ):
-        for frame in shown:
+        for frame in tqdm(shown, desc="film", disable=not progress, leave=False):
             shades = spheres.image(places[frame], radius, size, FINENESS)
             picture.set_data((SHADES * shades).round() / SHADES)
             passed.set_data(times[: frame + 1], mudline[: frame + 1])
