@@ -182,7 +182,8 @@ class Pieces:
             setup,
             _sound(self.state.position.dtype),
         )
-        run = replace(run, time_step=self.setup.time_step, steps=self.steps)
+        times = jnp.asarray(self._times(), run.times.dtype)
+        run = replace(run, times=times, time_step=self.setup.time_step, steps=self.steps)
         run = replace(run, state=self._in_given_order(run.state), radius=self._of_each(run.radius))
         return jax.tree.map(jnp.asarray, run)
 
@@ -231,6 +232,12 @@ class Pieces:
         """What was recorded since `kept` was called last; a row of none at least."""
         nothing = jax.tree.map(lambda leaf: leaf[:0], self.rows[0])
         return [nothing, *self.rows[self._told :]]
+
+    def _times(self) -> np.ndarray:
+        """Of the start and of all frames so far, s: the same however many there are."""
+        duration, frame = self.setup.duration, np.arange(self.place.frame + 1)
+        within = np.linspace(0.0, duration, self.frames + 1)
+        return duration * (frame // self.frames) + within[frame % self.frames]
 
     def _begun(self, state: State) -> tuple[Motion, Observed]:
         """The motion from a state by the present setup, and what is observed there."""

@@ -225,7 +225,6 @@ ONE, TWO = ([[5e-6, 5e-6, 15e-6]], [[5e-6, 5e-6, 15e-6], [5e-6, 5e-6, 8e-6]])
     [
         (dict(gravity=0.0), [ONE], {}, "nothing pulls the particles down"),
         (dict(particle_density=950.0), [ONE], {}, "nothing pulls the particles down"),
-        (dict(particle_density=900.0), [ONE], {}, "nothing pulls the particles down"),
         (SOFT, [ONE, TWO], dict(longest=1e-9), "states differ in their number of particles"),
         ({}, [], {}, "or there are none"),
         ({}, [ONE], dict(rest=0.0), "rest = 0.0"),
