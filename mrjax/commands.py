@@ -31,10 +31,15 @@ EXIT_STATUS = (
 )
 """The last lines of every help."""
 
-resumable: Callable[[], bool] = lambda: False
-"""Whether the command keeps what `--resume` would go on with, by now."""
-
 PACKAGES = ("mrjax", "jax", "jaxlib", "jax-md", "optax", "scipy", "numpy")
+
+
+def _nothing_kept() -> bool:
+    return False
+
+
+resumable: Callable[[], bool] = _nothing_kept
+"""Whether the command keeps what `--resume` would go on with, by now."""
 
 
 def out_option(default: str) -> Callable:
