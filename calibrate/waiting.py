@@ -1,12 +1,9 @@
 """Ctrl-C during a fit: it ends at the next place where that is safe, while or after the model runs.
 
 Python answers a signal between two of its own steps: a call that waits within XLA holds it off
-until the program ends. One that looks whether the result is there, and sleeps, does not. While
-JAX compiles, an exception of a signal would leave jaxlib 0.10.1 so that it crashes when the
-interpreter ends: the signal is noted, and raised where a fit looks for it.
+until the program ends. One that looks whether the result is there, and sleeps, does not.
 """
 
-import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -15,55 +12,47 @@ from typing import Any
 
 import jax
 
+from mrjax.interruption import Stop, interruptible
+
 BRIEF = 5e-3
 """Wait, s, during which nobody sleeps: many models take no longer."""
 LONGEST_SLEEP, SHARE = 0.05, 0.005
 """Between two looks: s, and of the time waited so far, by which the wait may be too long."""
 
-_noted: list[int] = []
-"""Signals that no one has answered yet."""
+_NEVER = Stop()
+_stop = _NEVER
+"""Of the outermost piece of work that goes on."""
 
 
 @contextmanager
 def stoppable() -> Iterator[None]:
     """A piece of work that Ctrl-C ends where it looks whether to stop; a second one, at once.
 
-    Leaves Ctrl-C alone outside the main thread, which no signal reaches, within other such work,
-    and where somebody else answers it.
+    Leaves Ctrl-C alone outside the main thread, which no signal reaches, and within other such
+    work.
 
     Raises:
       KeyboardInterrupt: Ctrl-C came.
     """
-    ours = (
-        threading.current_thread() is threading.main_thread()
-        and signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    )
-    if not ours:
+    global _stop
+    if _stop is not _NEVER or threading.current_thread() is not threading.main_thread():
         yield
         return
-
-    def note(number: int, _frame: object) -> None:
-        _noted.append(number)
-        if len(_noted) > 1:
-            raise KeyboardInterrupt
-
-    signal.signal(signal.SIGINT, note)
-    try:
-        yield
-        look()
-    finally:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        _noted.clear()
+    with interruptible() as stop:
+        _stop = stop
+        try:
+            yield
+        finally:
+            _stop = _NEVER
 
 
 def look() -> None:
     """Passes where nobody asks to stop.
 
     Raises:
-      KeyboardInterrupt: Ctrl-C came.
+      StoppedError: Ctrl-C came. It ends the piece of work, which then raises `KeyboardInterrupt`.
     """
-    if _noted and threading.current_thread() is threading.main_thread():
-        raise KeyboardInterrupt
+    _stop.look()
 
 
 def there(found: Any) -> Any:

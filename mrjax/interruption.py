@@ -18,8 +18,11 @@ LOOK = 0.05
 """Time between two looks at whether a call in a thread is to be waited for, s."""
 
 
-class StoppedError(Exception):
-    """A run that was asked to end, by Ctrl-C or by the failure of another."""
+class StoppedError(BaseException):
+    """A run that was asked to end, by Ctrl-C or by the failure of another.
+
+    As `KeyboardInterrupt`, it is no `Exception`: nothing takes it for a fault of the run.
+    """
 
 
 class Stop:
