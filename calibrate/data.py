@@ -324,6 +324,12 @@ def _sample(sheet: SampleSheet, folder: Path, source: str, recipes: dict[Path, R
         recipe = recipes[beside]
     except InputError as error:
         raise InputError(f"{source}: sample {shown(sheet.name)}: recipe {error}") from None
+    if recipe.apparent_density < recipe.fluid.density:
+        raise InputError(
+            f"{source}: sample {shown(sheet.name)}: its particles, at "
+            f"{recipe.apparent_density:.5g} kg/m^3, are lighter than the fluid and rise; a fit "
+            "reads mudlines that fall: give a heavier particle or a lighter fluid"
+        )
     measured = []
     if velocity := sheet.initial_velocity:
         measured.append(

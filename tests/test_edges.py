@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from pytest import approx as near
 
+import calibrate
 import mrjax
 from mrjax import hindrance, observe, particle, soften, theory, timestep
 from mrjax.concrete import known, where_known
@@ -331,3 +332,68 @@ def test_a_bed_of_both_signs_presses_with_the_heavier_side():
         return float(soften.resting_overlap(numbers, SMALL_BOX, len(densities)))
 
     assert overlap(1200.0, 1200.0, 800.0) == near(overlap(1200.0, 1200.0), rel=1e-12)
+
+
+# --- a lab sheet of particles lighter than the fluid ----------------------------------------------
+
+CREAM = mrjax.Recipe(
+    name="cream",
+    particle=dict(density=800.0, diameter=4e-6, elastic_modulus=1e9, poisson_ratio=0.25),
+    fluid=dict(density=1000.0, viscosity=1e-3),
+    composition=dict(particle=0.1, fluid=0.9),
+    drag=dict(f_w="richardson-zaki", local=True),
+    box=dict(size=[13e-6, 13e-6, 20e-6], periodic=[False] * 3),
+)
+TUBE = dict(height=0.1, volume_fraction=0.12, bed_fraction=0.6, cells=20, steps=200)
+TIMES = [1e4, 4e4, 1e5]
+
+
+def test_a_column_creams_in_the_mirror():
+    """Bit by bit but for the subtraction, and its derivatives by the fluid's viscosity."""
+    light = CREAM.parameters()
+
+    def tube(parameters, f_v=1.0):
+        given = dict(TUBE, times=TIMES, hindrance=CREAM.hindrance)
+        return mrjax.column(parameters.replace(f_v=f_v), **given)
+
+    risen, sunk = tube(light), tube(light.replace(gravity=-light.gravity))
+    np.testing.assert_allclose(risen.mudline, 0.1 - sunk.mudline, rtol=1e-12)
+    np.testing.assert_allclose(risen.bed_front, 0.1 - sunk.bed_front, rtol=1e-12)
+    np.testing.assert_array_equal(risen.sedimentation_ratio, sunk.sedimentation_ratio)
+    np.testing.assert_array_equal(risen.volume_fraction, sunk.volume_fraction[:, ::-1])
+    # Before it meets the bed the interface rises at the terminal velocity of its suspension.
+    felt = light.replace(f_w=CREAM.hindrance(0.12))
+    exact = -float(theory.terminal_velocity(felt)) * TIMES[0]
+    assert float(risen.mudline[0]) == near(exact, rel=1e-6)
+    slope = jax.jvp(lambda f_v: tube(light, f_v).mudline[0], (1.0,), (1.0,))[1]
+    assert float(slope) == near(-exact, rel=1e-6)
+
+
+def test_a_sheet_of_light_particles_gives_a_curve():
+    """From the sheet to rest: the clear layer is below, and figures show it."""
+    whole = mrjax.sedimentation(CREAM, 0, frames=10)
+    ratio = np.asarray(whole.ratio())[0]
+    assert bool(whole.run.rising[0])
+    assert ratio[0] > 0.8 and 0.2 < ratio[-1] < 0.6
+    assert float(whole.run.mudline[0, -1]) == near(2e-5 * (1.0 - ratio[-1]), rel=1e-12)
+    drawn = mrjax.figures.sedimentation(whole)
+    assert "bottom of the lowest" in str([line.get_label() for line in drawn.axes[0].lines])
+
+
+def test_a_fit_to_what_rises_is_refused(tmp_path):
+    """It reads mudlines that fall."""
+    (tmp_path / "cream.toml").write_text(
+        'name = "cream"\ncomposition = {particle = 0.1, fluid = 0.9}\n'
+        "box.size = [2e-5, 2e-5, 2e-5]\n"
+        "fluid = {density = 1000.0, viscosity = 1e-3}\n"
+        "[particle]\ndensity = 800.0\ndiameter = 4e-6\n"
+        "elastic_modulus = 1e9\npoisson_ratio = 0.25\n"
+    )
+    (tmp_path / "curve.csv").write_text("time,mudline\n0,0.1\n100,0.09\n200,0.08\n300,0.07\n")
+    (tmp_path / "e.toml").write_text(
+        'name = "e"\n[[sample]]\nname = "s"\nrecipe = "cream.toml"\nheight = 0.1\n'
+        '[sample.curve]\nfile = "curve.csv"\ntime_unit = "s"\nunit = "m"\n'
+        '[[parameter]]\nname = "f_v"\nmedian = 1.0\nlog_standard_deviation = 0.5\n'
+    )
+    with pytest.raises(mrjax.InputError, match="lighter than the fluid and rise"):
+        calibrate.Experiment.load(tmp_path / "e.toml")

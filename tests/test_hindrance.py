@@ -10,6 +10,7 @@ from jax.tree_util import Partial
 
 import mrjax
 from mrjax import drag, hindrance
+from mrjax.identity import identity
 
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12
 EXACT = 1e-12  # sums of some hundred terms
@@ -253,3 +254,32 @@ def test_refused_in_one_line_from_a_file(tmp_path):
     with pytest.raises(mrjax.InputError, match=r"drag\.local = true") as refusal:
         mrjax.Recipe.load(file)
     assert "richardson-zaki" in str(refusal.value) and "\n" not in str(refusal.value)
+
+
+def test_any_function_is_a_hindrance():
+    """A lambda gives the bits of the closure that it is, and is told from others by its code."""
+    parameters = mrjax.Parameters(
+        radius=2e-6, particle_density=1200.0, fluid_density=1000.0, viscosity=1e-3,
+        elastic_modulus=1e7, poisson_ratio=0.25,
+    )  # fmt: skip
+    start = mrjax.place([[1e-5] * 3, [5e-6] * 3])
+
+    def fallen(law):
+        box = mrjax.Box((2e-5,) * 3)
+        return mrjax.simulate(start, parameters, box, duration=1e-7, time_step=1e-8, hindrance=law)
+
+    bound = fallen(Partial(drag.richardson_zaki, exponent=4.65)).state.position
+    plain = fallen(lambda fraction: (1.0 - fraction) ** -4.65).state.position
+    np.testing.assert_array_equal(plain, bound)
+
+
+def test_functions_are_told_by_what_they_do():
+    def power(exponent):
+        return lambda fraction: (1.0 - fraction) ** -exponent
+
+    assert identity(power(4.65)) == identity(power(4.65)) != identity(power(5.1))
+    assert identity(power(np.ones(2))) != identity(power(np.zeros(2)))
+    assert identity(lambda phi: phi + 1.0) != identity(lambda phi: phi + 2.0)
+    assert identity(drag.son2018) == "son2018"
+    with pytest.raises(mrjax.InputError, match="cannot be told from another"):
+        identity(power(object()))
