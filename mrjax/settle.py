@@ -103,7 +103,9 @@ def settle(
     longest = checks.positive(
         PATIENCE * expectation if longest is None else longest, "longest", "s"
     )
-    if time_step is None:
+    if time_step is not None:
+        time_step = checks.positive(time_step, "time_step", "s")
+    else:
         time_step = min(interval, expected.step(numbers, box, particles, falling, hindrance))
     kept = None
     if checkpoint is not None:
