@@ -106,7 +106,9 @@ def simulate(
         cell_capacity=cell_capacity,
         trajectory=trajectory,
     )
-    if not plain((state, parameters, hindrance)):
+    # A function may close over what is traced.
+    hidden = hindrance(BED) if hindrance and not jax.tree.leaves(hindrance) else None
+    if not plain((state, parameters, hindrance, hidden)):
         return _traced(state, parameters, hindrance, box, prepare())
     with interruptible() as stop:
         setup = prepare()

@@ -5,6 +5,7 @@ from pathlib import Path
 from mrjax import checks, state_file
 from mrjax.box import Box
 from mrjax.checkpoint import Checkpoint, Sequence, refuse_foreign
+from mrjax.errors import InputError
 from mrjax.hindrance import Hindrance, as_tree
 from mrjax.interruption import interruptible
 from mrjax.parameters import Parameters
@@ -94,8 +95,13 @@ def resume(pieces: Pieces, kept: Sequence | None) -> None:
     """Goes on from what is kept of a run, if anything is."""
     if kept is not None:
         recorded, place = kept.resumed()
-        if place is not None:
-            pieces.restore(recorded, place)
+        try:
+            if place is not None:
+                pieces.restore(recorded, place)
+        except KeyError as error:
+            raise InputError(
+                f"a checkpoint without {error} is of another version of mrjax; take it away"
+            ) from None
 
 
 def keep(pieces: Pieces, kept: Sequence | None) -> None:

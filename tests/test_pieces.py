@@ -13,6 +13,7 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
+from jax.tree_util import Partial
 from test_resume import Stopped, alike, stopping
 from test_settle import WALLED, dispersed, soft
 
@@ -126,6 +127,38 @@ def test_a_list_that_is_outrun_is_looked_at_more_often(met):
     )
     assert {fault for fault, _ in met} == {mrjax.Fault.OUTRAN_LIST}
     assert run.state.position[0, 2] == pytest.approx(9.0 - 50.0 * 0.3**2, rel=1e-2)
+
+
+def test_a_function_that_holds_what_is_differentiated_is_no_plain_call(small):
+    """Its coefficient: the same derivative as through the leaf of a bundled closure."""
+    parameters, state = small
+    given = dict(duration=0.1, time_step=0.01)
+
+    def height(hindrance) -> jax.Array:
+        run = mrjax.simulate(state, parameters, WALLED, **given, hindrance=hindrance)
+        return run.state.position[:, 2].mean()
+
+    def bundled(exponent):
+        return height(Partial(lambda phi, n: 20.0 * (1.0 - phi) ** -n, n=exponent))
+
+    found = jax.grad(lambda n: height(lambda phi: 20.0 * (1.0 - phi) ** -n))(4.65)
+    assert found == pytest.approx(float(jax.grad(bundled)(4.65)), rel=1e-9)
+    assert found > 0.0  # what is more hindered is higher
+
+
+def test_a_checkpoint_of_another_layout_is_refused(small, tmp_path, monkeypatch):
+    parameters, state = small
+    given = dict(duration=0.1, time_step=0.01, checkpoint=tmp_path / "kept")
+    kept = pieces.Pieces.kept
+
+    def older(self):
+        recorded, place = kept(self)
+        return recorded, {name: place[name] for name in place if name != "faults"}
+
+    monkeypatch.setattr(pieces.Pieces, "kept", older)
+    mrjax.follow(state, parameters, WALLED, **given)
+    with pytest.raises(mrjax.InputError, match="'faults' is of another version of mrjax; take"):
+        mrjax.follow(state, parameters, WALLED, **given)
 
 
 def test_many_particles_keep_their_order(monkeypatch, small, whole):
