@@ -410,11 +410,10 @@ def _fewest_steps(case: _Case, cells: int) -> float | None:
     Raises:
       InputError: particles that do not settle at every volume fraction.
     """
-    numbers = known(case)
-    found = where_known(_speeds, numbers)
+    found = where_known(lambda case: (*_speeds(case), case), known(case))
     if found is None:
         return None
-    flux, speed = found
+    flux, speed, numbers = found
     for fraction, solid in zip(np.asarray(flux.fraction), np.asarray(flux.flux), strict=True):
         if not 0.0 <= solid < np.inf:
             raise InputError(

@@ -158,13 +158,13 @@ def test_a_bed_may_be_dropped_between_periodic_sides(case2):
 def test_the_command_writes_table_and_figures(paper_runs, tmp_path, monkeypatch):
     asked = []
 
-    def ready(seed, starts, report, checkpoint):
-        assert tmp_path in checkpoint.parents
+    def ready(seed, starts, report, checkpoint, progress):
+        assert progress and tmp_path in checkpoint.parents
         asked.append((seed, starts))
         return paper_runs
 
-    def settled(recipe, seed, checkpoint):
-        assert tmp_path in checkpoint.parents
+    def settled(recipe, seed, checkpoint, progress):
+        assert progress and tmp_path in checkpoint.parents
         parameters = recipe.parameters()
         return mrjax.Sedimentation(paper_runs.beds["case2"], parameters, 1.0, (seed,))
 

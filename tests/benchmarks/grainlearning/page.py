@@ -6,11 +6,15 @@ from pathlib import Path
 import numpy as np
 
 from mrjax.files import markdown_table
+from mrjax.text import Markdown, in_code
 
 from . import ours, problem
 
 RESULTS = Path(__file__).with_name("results.json")
 PAGE = Path(__file__).with_name("README.md")
+
+OURS = in_code("calibrate")
+BY_CURVATURE, BY_NUTS = Markdown(f"{OURS}, curvature"), Markdown(f"{OURS}, NUTS")
 
 
 def known() -> dict:
@@ -49,15 +53,17 @@ def text() -> str:
     ridges = sorted({one for found in mine for one in found["ridge"]})
     determined = sorted({one for found in mine for one in found["determined"]})
     runs = markdown_table(
-        ["", f"GrainLearning {results['version']}", "`calibrate`"],
+        ["", f"GrainLearning {results['version']}", OURS],
         [
             ["model runs", _runs(theirs, "runs"), _runs(mine, "runs")],
             ["... without priors", "", _runs(mine, "runs_without_priors")],
             [
                 "says of the ridge",
                 "nothing",
-                f"data determine {', '.join(f'`{one}`' for one in determined)}; "
-                f"nothing is known of {', '.join(f'`{one}`' for one in ridges)}",
+                Markdown(
+                    f"data determine {', '.join(map(in_code, determined))}; "
+                    f"nothing is known of {', '.join(map(in_code, ridges))}"
+                ),
             ],
         ],
     )
@@ -67,17 +73,17 @@ def text() -> str:
         stated_over_exact(mine, log_normal, "deviation"),
     ]
     deviations = markdown_table(
-        ["quantity", "GrainLearning", "`calibrate`, curvature", "`calibrate`, NUTS"],
+        ["quantity", "GrainLearning", BY_CURVATURE, BY_NUTS],
         [
-            [f"`{name}`", *(_span(one[:, place]) for one in compared)]
+            [in_code(name), *(_span(one[:, place]) for one in compared)]
             for place, name in enumerate(problem.QUANTITIES)
         ],
     )
     shifts = [np.abs(off(theirs, uniform)), np.abs(off(mine, log_normal))]
     means = markdown_table(
-        ["quantity", "GrainLearning", "`calibrate`, NUTS"],
+        ["quantity", "GrainLearning", BY_NUTS],
         [
-            [f"`{name}`", *(_span(one[:, place]) for one in shifts)]
+            [in_code(name), *(_span(one[:, place]) for one in shifts)]
             for place, name in enumerate(problem.QUANTITIES)
         ],
     )
