@@ -5,6 +5,7 @@ from pathlib import Path
 
 from mrjax.files import markdown_table
 from mrjax.schedule import MOST_STEPS_BETWEEN_REBUILDS
+from mrjax.text import in_code
 
 from . import states, throughput
 
@@ -254,7 +255,7 @@ def _ensemble(rows: list[dict]) -> str:
         [
             [
                 row["cores"],
-                f"`{row['way']}`",
+                in_code(row["way"]),
                 row["members"],
                 f"{row['steps']:,}",
                 _span(row["one"]),
