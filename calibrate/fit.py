@@ -25,7 +25,7 @@ from scipy.optimize import OptimizeResult, minimize
 from tqdm import tqdm
 
 from calibrate import levenberg
-from calibrate.levenberg import Box, Point
+from calibrate.levenberg import Bounds, Point
 from calibrate.waiting import stoppable, watched
 from mrjax import InputError, randomness
 from mrjax.checkpoint import Checkpoint, digest, refuse_foreign
@@ -102,7 +102,7 @@ class Fit:
     """Standard deviations beyond which residuals count linearly; those here are as they count."""
     other_optima: tuple[tuple[float, np.ndarray], ...] = ()
     """Where further starts ended otherwise: half the sum of squares and the values, (P,)."""
-    box: Box = Box(np.array(-np.inf), np.array(np.inf))
+    box: Bounds = Bounds(np.array(-np.inf), np.array(np.inf))
     """Bounds of the logarithms, (P,)."""
 
     @property
@@ -269,7 +269,7 @@ class _Asking(NamedTuple):
 
     compiled: "_Compiled"
     given: _Given
-    box: Box
+    box: Bounds
     bar: tqdm
 
     def at(self, logs: np.ndarray) -> Point:
@@ -466,7 +466,7 @@ def _of_each(function: Callable, starts: int) -> Callable:
     return of_each
 
 
-def _expects_nothing(end: Point, box: Box) -> bool:
+def _expects_nothing(end: Point, box: Bounds) -> bool:
     return abs(levenberg.step(end, box)[1]) < CONVERGED_BELOW
 
 
@@ -604,11 +604,11 @@ def _vector(compiled: "_Compiled", logs: np.ndarray, given: "_Given") -> int:
     return int(shape[0])
 
 
-def _box(names: tuple[str, ...], bounds: dict[str, tuple[float, float]]) -> Box:
+def _box(names: tuple[str, ...], bounds: dict[str, tuple[float, float]]) -> Bounds:
     """Bounds of the logarithms, (P,)."""
     ends = np.array([bounds.get(name, (0.0, np.inf)) for name in names], float)
     with np.errstate(divide="ignore"):
-        return Box(*np.log(ends.T))
+        return Bounds(*np.log(ends.T))
 
 
 def _prior_arrays(

@@ -25,7 +25,7 @@ SHORT = 0.1
 """A step that is still taken for so little: a longer one would run along what nothing bounds."""
 
 
-class Box(NamedTuple):
+class Bounds(NamedTuple):
     """Bounds of each coordinate, (P,)."""
 
     lower: np.ndarray
@@ -54,7 +54,7 @@ class Point(NamedTuple):
         return bool(np.isfinite(self.jacobian).all() and np.isfinite(self.value).all())
 
 
-def step(point: Point, box: Box, radius: float = np.inf) -> tuple[np.ndarray, float]:
+def step(point: Point, box: Bounds, radius: float = np.inf) -> tuple[np.ndarray, float]:
     """The shortest step within a radius and the bounds, (P,), and what it promises.
 
     Returns: the step, and the decrease of the sum of squares where residuals are straight.
@@ -105,7 +105,7 @@ def resolved(jacobian: ArrayLike) -> float:
 
 
 def minimise(
-    at: Callable[[np.ndarray], Point], first: Point, box: Box, most_steps: int
+    at: Callable[[np.ndarray], Point], first: Point, box: Bounds, most_steps: int
 ) -> tuple[Point, int]:
     """From the first point to the least sum of squares near it, and the points asked for.
 

@@ -54,7 +54,7 @@ def _described(kind: T) -> T:
 
     def line(leaf: dataclasses.Field) -> str:
         default = "" if leaf.default is dataclasses.MISSING else f" Default {leaf.default:g}."
-        return f"  {leaf.name} ({leaf.metadata['unit']}): {leaf.metadata['about']}{default}"
+        return f"  {leaf.name}: [{leaf.metadata['unit']}] {leaf.metadata['about']}{default}"
 
     leaves = "\n".join(map(line, dataclasses.fields(kind)))
     kind.__doc__ = f"{inspect.cleandoc(kind.__doc__ or '')}\n\nArgs:\n{leaves}\n"
