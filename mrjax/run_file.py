@@ -121,7 +121,7 @@ def load_run(path: str | Path, *, max_bytes: int = npz.MAX_BYTES) -> tuple[Run, 
     if (np.diff(arrays["times_s"]) < 0.0).any():
         raise InputError(f"{path}: its times go back; give {SCHEMA.what}")
     found = {name: jnp.asarray(array) for name, array in arrays.items()}
-    rising = found.pop("rising", jnp.zeros(found["fault"].shape, bool))
+    rising = found.pop("rising", jnp.zeros(found["fault"].shape, jnp.int32))
     of_last = {
         name.removeprefix("last_"): array for name, array in arrays.items() if name not in OF_EACH
     }
