@@ -323,3 +323,14 @@ def test_markers_are_read_strictly(tmp_path):
     path.symlink_to(path)
     with pytest.raises(markers.ForeignError, match="no file"):
         markers.read(path, Two)
+
+
+def test_a_run_written_before_some_could_rise_sinks(good, tmp_path):
+    """Its file has no such array."""
+    path = tmp_path / "one.npz"
+    path.write_bytes(good["run"])
+    arrays, told = npz.read(path, mrjax.run_file.SCHEMA)
+    del arrays["rising"]
+    npz.write(path, arrays, told.model_dump())
+    run, _ = mrjax.load_run(path)
+    assert run.rising.dtype == bool and not run.rising.any()
