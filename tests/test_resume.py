@@ -289,13 +289,13 @@ def started(command, folder: Path, how=()) -> subprocess.Popen:
 def results(folder: Path) -> dict[str, object]:
     """The numbers and pictures that a command wrote, but for the time that it took."""
     found = {}
-    for path in folder.iterdir():
+    for path in folder.glob("[!.]*"):  # a kill may leave half of a file, by a name of its own
         if path.name == LIST:  # of digests, that of the time among them
             continue
         if path.suffix == ".json":
             found[path.name] = json.loads(path.read_text())
             found[path.name].pop("wall_seconds")
-        elif path.suffix in (".csv", ".npz", ".png") and not path.name.startswith("."):
+        elif path.suffix in (".csv", ".npz", ".png"):
             found[path.name] = path.read_bytes()
     return found
 
