@@ -88,7 +88,7 @@ def settle(
     """
     refuse_foreign(checkpoint)
     hindrance = as_tree(hindrance)
-    rest = checks.positive(rest, "rest", "the falling speed")
+    rest = checks.positive(rest, "rest", "times the falling speed")
     each = list(states) if isinstance(states, Iterable) else [states]
     for state in each:
         checks.of_run(state, parameters, box)
