@@ -2,6 +2,7 @@
 
 import jax
 import jax.numpy as jnp
+import matplotlib.legend
 import numpy as np
 import pytest
 from pytest import approx as near
@@ -397,3 +398,20 @@ def test_a_fit_to_what_rises_is_refused(tmp_path):
     )
     with pytest.raises(mrjax.InputError, match="lighter than the fluid and rise"):
         calibrate.Experiment.load(tmp_path / "e.toml")
+
+
+@pytest.mark.parametrize("density, place", [(1200.0, "upper right"), (800.0, "lower right")])
+def test_the_legend_of_concentrations_is_in_the_clear_layer(density, place):
+    """Black letters on the dark of a bed cannot be read."""
+    parameters = mrjax.Parameters(
+        radius=2e-6,
+        particle_density=density,
+        fluid_density=1000.0,
+        viscosity=1e-3,
+        elastic_modulus=1e7,
+        poisson_ratio=0.25,
+    )
+    start = mrjax.place([[2e-5] * 3, [1e-5] * 3])
+    run = mrjax.simulate(start, parameters, mrjax.Box((4e-5,) * 3), duration=2e-5, frames=4)
+    legend = mrjax.figures.concentration(run).axes[0].get_legend()
+    assert legend._loc == matplotlib.legend.Legend.codes[place]

@@ -41,6 +41,7 @@ def concentration(run: Run, thickness: float | None = None) -> Figure:
     axes.set_ylabel("height")
     axes.xaxis.set_major_formatter(EngFormatter("s"))
     axes.yaxis.set_major_formatter(EngFormatter("m"))
-    axes.legend(loc="upper right")
+    # In the clear layer, which is white.
+    axes.legend(loc="lower right" if np.any(run.rising) else "upper right")
     figure.colorbar(drawn, ax=axes, label="volume fraction")
     return figure
