@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mrjax import InputError, SimulationError, commands
-from mrjax.text import in_toml
+from mrjax.core.text import in_toml
 
 if TYPE_CHECKING:
     from calibrate.data import Experiment, Sample

@@ -16,7 +16,7 @@ import numpy as np
 from jax import Array
 
 from calibrate.waiting import there
-from mrjax import randomness
+from mrjax.core import randomness
 
 DURATION = 0.5
 """Of a piece, s, about: within it nobody looks whether to stop."""

@@ -18,7 +18,7 @@ from pydantic import Field
 
 from calibrate.units import CURVES, HEIGHT_UNITS, RATIO_UNITS, TIME_UNITS, one_of
 from mrjax import InputError, reading
-from mrjax.errors import shown
+from mrjax.core.errors import shown
 from mrjax.sheets import LARGEST, SMALLEST, FileName, Sheet
 
 ERROR = "standard_deviation"

@@ -15,7 +15,7 @@ from calibrate.fitted import Fitted, ParameterSheet, fitted
 from calibrate.suspension import BED, CLOSURE, Suspension, refuse_unknown, suspension
 from calibrate.units import RATIO_UNITS, VELOCITY_UNITS, one_of
 from mrjax import InputError, Recipe, reading, sheets
-from mrjax.errors import shown
+from mrjax.core.errors import shown
 from mrjax.sheets import FileName, Name, Sheet
 
 MOST = 1000

@@ -13,7 +13,7 @@ from pydantic import Field, model_validator
 
 from calibrate.fit import LogNormal
 from calibrate.suspension import BED
-from mrjax.errors import shown
+from mrjax.core.errors import shown
 from mrjax.sheets import Name, Sheet
 
 

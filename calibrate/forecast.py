@@ -25,8 +25,8 @@ from calibrate.suspension import BED, CLOSURE, refuse_unknown
 from calibrate.units import VELOCITY_UNITS
 from mrjax import InputError, Recipe, SimulationError
 from mrjax.checkpoint import refuse_foreign
-from mrjax.permissive import permissive
-from mrjax.text import in_terminal
+from mrjax.core.promotion import permissive
+from mrjax.core.text import in_terminal
 
 
 @dataclass(frozen=True)

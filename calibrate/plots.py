@@ -10,8 +10,8 @@ from calibrate.posterior import Posterior
 from calibrate.profile import LEVELS, Profile
 from calibrate.residuals import Problem
 from calibrate.units import CURVES, TIME_UNITS
+from mrjax.core.text import in_figure
 from mrjax.figures import COLUMN, STYLE
-from mrjax.text import in_figure
 
 MARKERS = "osD^v<>p"
 """Of samples, one after the other."""

@@ -18,9 +18,10 @@ from calibrate.chains import MOST, Piece, Sampler, arrays
 from calibrate.fit import Fit
 from calibrate.identify import identify, information
 from calibrate.waiting import stoppable
-from mrjax import InputError, randomness
+from mrjax import InputError
 from mrjax.checkpoint import Checkpoint, refuse_foreign
-from mrjax.permissive import permissive
+from mrjax.core import randomness
+from mrjax.core.promotion import permissive
 
 CHAINS, WARM_UP, SAMPLES = 4, 300, 500
 FEWEST = 4

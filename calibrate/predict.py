@@ -19,8 +19,9 @@ import mrjax
 from calibrate.data import Sample
 from calibrate.suspension import BED, CLOSURE, Suspension
 from calibrate.units import CURVES
-from mrjax import InputError, checks, observe, particle, timestep
-from mrjax.concrete import concrete
+from mrjax import InputError, observe, particle, timestep
+from mrjax.core import checks
+from mrjax.core.tracing import concrete
 from mrjax.overlap import OVERLAP
 
 RELAXATIONS = 40

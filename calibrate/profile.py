@@ -12,8 +12,8 @@ from tqdm import tqdm
 from calibrate.fit import Fit
 from calibrate.identify import identify, information
 from calibrate.waiting import stoppable
-from mrjax.permissive import permissive
-from mrjax.text import in_terminal
+from mrjax.core.promotion import permissive
+from mrjax.core.text import in_terminal
 
 LEVELS = {"68 %": 1.0, "95 %": 3.841459}
 """Increase of chi-squared at the ends of an interval, by its coverage."""

@@ -29,7 +29,7 @@ from calibrate.profile import LEVELS, Profile
 from calibrate.residuals import Problem
 from calibrate.units import CURVES, TIME_UNITS
 from mrjax import Parameters, files, terminal_velocity, validity
-from mrjax.text import in_code, in_html, in_markdown, in_terminal
+from mrjax.core.text import in_code, in_html, in_markdown, in_terminal
 
 SMALLEST_P = 1e-12
 """Below which a p-value says nothing more."""

@@ -12,7 +12,7 @@ from typing import Any
 
 import jax
 
-from mrjax.interruption import Stop, interruptible
+from mrjax.core.interruption import Stop, interruptible
 
 BRIEF = 5e-3
 """Wait, s, during which nobody sleeps: many models take no longer."""

@@ -8,7 +8,7 @@ from importlib.metadata import version
 
 import lazy_loader
 
-import mrjax.hush  # noqa: F401 - has to come before JAX
+import mrjax.core.quiet_xla  # noqa: F401 - has to come before JAX
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 

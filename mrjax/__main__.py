@@ -12,7 +12,7 @@ from mrjax import commands
 from mrjax.overlap import MOST_OVERLAP, OVERLAP
 
 if TYPE_CHECKING:
-    from mrjax.run import Run
+    from mrjax.core.run import Run
     from mrjax.sedimentation import Sedimentation
 
 STEADY_AFTER = 10.0
@@ -123,7 +123,8 @@ def simulate(
     from tqdm import tqdm
 
     import mrjax
-    from mrjax import checks, environment, figures, files, processes, results, timestep, validity
+    from mrjax import environment, figures, files, processes, results, timestep, validity
+    from mrjax.core import checks
     from mrjax.resume import kept
 
     if distributed is not None:

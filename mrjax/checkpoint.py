@@ -28,11 +28,11 @@ from jax.typing import ArrayLike
 from pydantic import BaseModel
 
 from mrjax import cache, files, markers, npz
-from mrjax.errors import InputError
+from mrjax.core.errors import InputError
+from mrjax.core.text import in_message
 from mrjax.identity import identity
 from mrjax.markers import ForeignError, Strict
 from mrjax.npz import DamagedError
-from mrjax.text import in_message
 
 try:
     import fcntl

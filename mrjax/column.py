@@ -24,12 +24,13 @@ import numpy as np
 from jax import Array, lax
 from jax.typing import ArrayLike, DTypeLike
 
-from mrjax import checks, compression, kynch, particle
+from mrjax import compression, kynch, particle
 from mrjax.compression import Compression
-from mrjax.concrete import concrete, known, where_known
-from mrjax.errors import InputError, shown
+from mrjax.core import checks
+from mrjax.core.errors import InputError, shown
+from mrjax.core.parameters import Parameters
+from mrjax.core.tracing import concrete, known, where_known
 from mrjax.hindrance import Hindrance, as_tree
-from mrjax.parameters import Parameters
 from mrjax.theory import terminal_velocity
 
 REACH = 0.5

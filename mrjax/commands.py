@@ -16,9 +16,10 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 from click.shell_completion import CompletionItem
 
-from mrjax import exit_at_once, refusals, streams
-from mrjax.errors import InputError, SimulationError, shown
-from mrjax.text import in_message, in_terminal
+from mrjax import exit_at_once, streams
+from mrjax.core import refusals
+from mrjax.core.errors import InputError, SimulationError, shown
+from mrjax.core.text import in_message, in_terminal
 
 if TYPE_CHECKING:
     from mrjax.recipe import Recipe

@@ -15,11 +15,11 @@ import numpy as np
 from jax import Array, lax
 from jax.typing import ArrayLike
 
-from mrjax import checks
-from mrjax.box import Box
-from mrjax.concrete import concrete
-from mrjax.errors import InputError
-from mrjax.run import Run, from_bed
+from mrjax.core import checks
+from mrjax.core.box import Box
+from mrjax.core.errors import InputError
+from mrjax.core.run import Run, from_bed
+from mrjax.core.tracing import concrete
 
 CELLS = 20
 """Cells in a slab one diameter thick; a profile has one level for each cell."""

@@ -7,12 +7,12 @@ import numpy as np
 from jax import Array
 
 from mrjax import expected, particle, theory, timestep, validity
-from mrjax.by_numpy import by_numpy
+from mrjax.core.numpy_evaluation import by_numpy
+from mrjax.core.parameters import Parameters
+from mrjax.core.units import MM_PER_DAY
 from mrjax.overlap import OVERLAP
-from mrjax.parameters import Parameters
 from mrjax.recipe import Recipe
 from mrjax.soften import softened
-from mrjax.units import MM_PER_DAY
 
 
 @dataclass(frozen=True)

@@ -14,14 +14,15 @@ import numpy as np
 from jax import Array, lax
 from jax.typing import DTypeLike
 
-from mrjax import checks, neighbours, particle, randomness
-from mrjax._jax_md import minimize
-from mrjax.box import Box
-from mrjax.errors import InputError
+from mrjax import neighbours, particle
+from mrjax.core import checks, randomness
+from mrjax.core._jax_md import minimize
+from mrjax.core.box import Box
+from mrjax.core.errors import InputError
+from mrjax.core.promotion import permissive
+from mrjax.core.state import State, place
 from mrjax.neighbours import Neighbours, Plan
-from mrjax.permissive import permissive
 from mrjax.recipe import Recipe
-from mrjax.state import State, place
 
 CLEARANCE = 0.005
 """How much larger than the particles the soft spheres are."""

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from mrjax.parameters import Parameters
+from mrjax.core.parameters import Parameters
 from mrjax.particle import outer_radius
 
 HABERMAN_SAYRE_LIMIT = 0.8

@@ -8,9 +8,9 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import mrjax
-from mrjax.box import Box
+from mrjax.core.box import Box
+from mrjax.core.run import Run
 from mrjax.recipe import Recipe
-from mrjax.run import Run
 
 INFERRED_FRICTION = 0.2
 """Not given by the paper: inferred, as one coefficient whose beds between walls have the printed

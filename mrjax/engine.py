@@ -13,18 +13,18 @@ from jax import Array, lax
 from jax.typing import DTypeLike
 
 from mrjax import forces, history, leapfrog, neighbours, pairs, particle, stability, surfaces
-from mrjax.box import Box
+from mrjax.core.box import Box
+from mrjax.core.parameters import Parameters, per_particle
+from mrjax.core.run import Fault
+from mrjax.core.trajectory import Trajectory
+from mrjax.core.units import Units
 from mrjax.forces import Laws
 from mrjax.hindrance import Hindrance, hindered
 from mrjax.history import Memory, Notes
 from mrjax.leapfrog import Kick
 from mrjax.neighbours import Plan
 from mrjax.pairs import Pairs
-from mrjax.parameters import Parameters, per_particle
-from mrjax.run import Fault
 from mrjax.stability import Swing
-from mrjax.trajectory import Trajectory
-from mrjax.units import Units
 
 DEEPEST = 0.25
 """Overlap, as a fraction of the radius, beyond which Hertz's law is not a description."""

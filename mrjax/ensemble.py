@@ -10,7 +10,7 @@ import numpy as np
 from jax import Array, lax
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
-from mrjax.errors import InputError
+from mrjax.core.errors import InputError
 
 
 def ensemble(function: Callable[[Any], Any], members: Any) -> Any:

@@ -10,7 +10,7 @@ import re
 import subprocess
 import sys
 
-from mrjax.errors import InputError, shown
+from mrjax.core.errors import InputError, shown
 
 FLAGS = "XLA_FLAGS"
 SETTINGS = {

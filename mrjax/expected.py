@@ -9,12 +9,12 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from mrjax import particle, soften, theory, timestep
-from mrjax.box import Box
-from mrjax.by_numpy import by_numpy
-from mrjax.concrete import concrete, known, where_known
-from mrjax.errors import InputError
+from mrjax.core.box import Box
+from mrjax.core.errors import InputError
+from mrjax.core.numpy_evaluation import by_numpy
+from mrjax.core.parameters import Parameters, per_particle
+from mrjax.core.tracing import concrete, known, where_known
 from mrjax.hindrance import BED, Hindrance
-from mrjax.parameters import Parameters, per_particle
 from mrjax.timestep import Mode
 
 RANDOM_BED = (Mode(2.8, 2.8, 2.8),)

@@ -11,16 +11,16 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from mrjax import particle
-from mrjax.box import AXES, Box
-from mrjax.by_numpy import by_numpy
+from mrjax.core.box import AXES, Box
+from mrjax.core.errors import SimulationError
+from mrjax.core.numpy_evaluation import by_numpy
+from mrjax.core.parameters import Parameters
+from mrjax.core.run import Fault, reasons
+from mrjax.core.state import State
 from mrjax.engine import DEEPEST
-from mrjax.errors import SimulationError
 from mrjax.hindrance import Hindrance
-from mrjax.parameters import Parameters
-from mrjax.run import Fault, reasons
 from mrjax.scan import Setup, attempt
 from mrjax.schedule import Schedule
-from mrjax.state import State
 
 PIECES = 256
 """Into which a part is divided, and each that fails again."""

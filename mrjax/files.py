@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from mrjax.refusals import refusal, writing
-from mrjax.text import Markdown, in_markdown
+from mrjax.core.refusals import refusal, writing
+from mrjax.core.text import Markdown, in_markdown
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

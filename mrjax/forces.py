@@ -15,11 +15,11 @@ from jax import Array, lax
 from jax.core import Tracer
 
 from mrjax import contact, friction, history, particle, rolling, surfaces
-from mrjax.concrete import concrete
+from mrjax.core.parameters import Parameters, per_particle
+from mrjax.core.tracing import concrete
 from mrjax.history import Memory
 from mrjax.pairs import Pairs
 from mrjax.pairwise import pairwise
-from mrjax.parameters import Parameters, per_particle
 from mrjax.surfaces import Surfaces
 from mrjax.vectors import Vector, cross, dot, plus, times
 

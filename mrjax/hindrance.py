@@ -14,9 +14,9 @@ from jax.tree_util import Partial
 from jax.typing import ArrayLike
 
 from mrjax import particle
-from mrjax.box import Box
-from mrjax.errors import InputError, shown
-from mrjax.parameters import Parameters, per_particle
+from mrjax.core.box import Box
+from mrjax.core.errors import InputError, shown
+from mrjax.core.parameters import Parameters, per_particle
 
 Hindrance = Callable[[ArrayLike], ArrayLike]
 """f_w for volume fractions: any function of JAX, such as `lambda phi: (1 - phi) ** -4.65`. Given as

@@ -9,7 +9,7 @@ from typing import Any
 import jax
 import numpy as np
 
-from mrjax.errors import InputError, shown
+from mrjax.core.errors import InputError, shown
 
 KEPT = ("mrjax", "jax", "jaxlib", "numpy", "builtins", "math")
 """Packages whose functions are told by their names: their versions are told besides."""

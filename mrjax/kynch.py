@@ -23,8 +23,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jax import Array, lax
 
+from mrjax.core.parameters import Parameters
 from mrjax.hindrance import Hindrance
-from mrjax.parameters import Parameters
 from mrjax.theory import terminal_velocity
 
 INTERVALS = 256

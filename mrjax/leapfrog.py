@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from mrjax import drag, particle
-from mrjax.parameters import Parameters
+from mrjax.core.parameters import Parameters
 
 SERIES_BELOW = 0.1
 SERIES_ORDER = 11  # exact to rounding below the switch, three derivatives included

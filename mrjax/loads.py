@@ -6,14 +6,15 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from mrjax import checks, contact, forces, history, neighbours, pairs, particle, schedule, surfaces
-from mrjax.box import Box
-from mrjax.concrete import concrete, known, where_known
+from mrjax import contact, forces, history, neighbours, pairs, particle, schedule, surfaces
+from mrjax.core import checks
+from mrjax.core.box import Box
+from mrjax.core.parameters import Parameters
+from mrjax.core.state import State
+from mrjax.core.tracing import concrete, known, where_known
+from mrjax.core.units import Units
 from mrjax.forces import Loads
 from mrjax.pairs import Pairs
-from mrjax.parameters import Parameters
-from mrjax.state import State
-from mrjax.units import Units
 
 
 def contact_forces(state: State, parameters: Parameters, box: Box) -> tuple[Array, Array]:

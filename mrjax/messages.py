@@ -14,13 +14,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from mrjax.box import Box
-from mrjax.errors import InputError, SimulationError, SystemRefusal
+from mrjax.core.box import Box
+from mrjax.core.errors import InputError, SimulationError, SystemRefusal
+from mrjax.core.run import Run
+from mrjax.core.state import State
+from mrjax.core.trajectory import Trajectory
 from mrjax.history import Contacts
 from mrjax.recipe import Recipe
-from mrjax.run import Run
-from mrjax.state import State
-from mrjax.trajectory import Trajectory
 
 TABLES = {one.__name__: one for one in (Box, Contacts, Run, State, Trajectory)}
 """Dataclasses by name."""

@@ -21,9 +21,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from mrjax._jax_md import partition
-from mrjax.box import Box
-from mrjax.permissive import permissive
+from mrjax.core._jax_md import partition
+from mrjax.core.box import Box
+from mrjax.core.promotion import permissive
 
 PAIRS_DROPPED = int(partition.PartitionErrorCode.NEIGHBOR_LIST_OVERFLOW)
 CELLS_OVERFULL = int(partition.PartitionErrorCode.CELL_LIST_OVERFLOW)

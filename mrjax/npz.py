@@ -21,7 +21,7 @@ from jax.typing import ArrayLike
 from pydantic import BaseModel
 
 from mrjax import files
-from mrjax.errors import InputError, shown
+from mrjax.core.errors import InputError, shown
 from mrjax.markers import ForeignError, parsed
 
 METADATA = "metadata"

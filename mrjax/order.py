@@ -9,10 +9,10 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
-from mrjax.box import Box
+from mrjax.core.box import Box
+from mrjax.core.parameters import Parameters
+from mrjax.core.state import State
 from mrjax.history import Contacts
-from mrjax.parameters import Parameters
-from mrjax.state import State
 
 MANY = 4096
 """Fewer particles fit into the fastest memory in any order."""

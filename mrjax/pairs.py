@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jax import Array, lax
 
 from mrjax import contact
-from mrjax.box import Box
+from mrjax.core.box import Box
 from mrjax.neighbours import PAIRS_DROPPED, Neighbours
 from mrjax.vectors import Vector
 

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from mrjax.parameters import Parameters
+from mrjax.core.parameters import Parameters
 
 
 def outer_radius(parameters: Parameters) -> Array:

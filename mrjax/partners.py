@@ -16,8 +16,8 @@ from collections.abc import Iterator
 from contextlib import suppress
 from importlib.metadata import version
 
-from mrjax.errors import InputError, SystemRefusal
-from mrjax.text import in_message
+from mrjax.core.errors import InputError, SystemRefusal
+from mrjax.core.text import in_message
 
 PATIENCE = 300.0
 """How long processes wait for each other to come, s."""

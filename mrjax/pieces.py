@@ -17,17 +17,17 @@ from jax import Array, lax
 from jax.typing import DTypeLike
 
 from mrjax import order
-from mrjax.box import Box
+from mrjax.core.box import Box
+from mrjax.core.interruption import Stop, in_a_thread
+from mrjax.core.parameters import Parameters
+from mrjax.core.run import Run
+from mrjax.core.state import State
 from mrjax.engine import Engine, Motion, Observed, Outcome
 from mrjax.failure import failure, refuse_deep_start
 from mrjax.hindrance import Hindrance
 from mrjax.history import Notes
-from mrjax.interruption import Stop, in_a_thread
-from mrjax.parameters import Parameters
-from mrjax.run import Run
 from mrjax.scan import Setup, in_lab_units, reduced
 from mrjax.schedule import Schedule
-from mrjax.state import State
 
 T = TypeVar("T")
 

@@ -12,7 +12,7 @@ import numpy as np
 from jax.experimental import multihost_utils
 
 from mrjax import messages, partners
-from mrjax.errors import InputError, SimulationError, SystemRefusal
+from mrjax.core.errors import InputError, SimulationError, SystemRefusal
 
 T = TypeVar("T")
 R = TypeVar("R")

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
-from mrjax.errors import InputError
+from mrjax.core.errors import InputError
 
 OTHERS = {
     stat.S_IFIFO: "a pipe",

@@ -23,11 +23,11 @@ from pydantic import (
 )
 
 from mrjax import drag, sheets, sizes
-from mrjax.box import AXES, Box
-from mrjax.by_numpy import by_numpy
-from mrjax.errors import InputError, shown, shown_key
+from mrjax.core.box import AXES, Box
+from mrjax.core.errors import InputError, shown, shown_key
+from mrjax.core.numpy_evaluation import by_numpy
+from mrjax.core.parameters import Parameters
 from mrjax.hindrance import DENSEST, Hindrance
-from mrjax.parameters import Parameters
 from mrjax.sheets import Name, Sheet
 from mrjax.sizes import Sizes
 

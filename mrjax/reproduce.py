@@ -16,8 +16,8 @@ from scipy.optimize import least_squares
 
 import mrjax
 from mrjax import Parameters, Recipe, Run, State, drag, particle, timestep
+from mrjax.core.units import MM_PER_DAY
 from mrjax.dropped import INFERRED_FRICTION, dropped
-from mrjax.units import MM_PER_DAY
 
 CASES = ("case1", "case2", "case3")
 RELAXATIONS = 20

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Literal
 
 from mrjax import files, markers
-from mrjax.errors import InputError
+from mrjax.core.errors import InputError
 from mrjax.markers import ForeignError, Strict
 
 LIST = "mrjax-results.json"

@@ -6,9 +6,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from mrjax import checkpoint, commands, refusals, results, state_file
+from mrjax import checkpoint, commands, results, state_file
 from mrjax.checkpoint import Checkpoint
-from mrjax.errors import InputError, SimulationError, SystemRefusal
+from mrjax.core import refusals
+from mrjax.core.errors import InputError, SimulationError, SystemRefusal
 
 FOLDER = "checkpoint"
 LAST_GOOD = "last_good_state.npz"

@@ -10,11 +10,11 @@ import numpy as np
 from pydantic import PositiveFloat, PositiveInt
 
 from mrjax import npz, state_file
-from mrjax.box import Box
-from mrjax.errors import InputError
+from mrjax.core.box import Box
+from mrjax.core.errors import InputError
+from mrjax.core.run import Run
+from mrjax.core.trajectory import Trajectory
 from mrjax.markers import Strict
-from mrjax.run import Run
-from mrjax.trajectory import Trajectory
 
 OF_RUN = {
     "times_s": "times",

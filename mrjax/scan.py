@@ -13,17 +13,17 @@ import numpy as np
 from jax import Array, lax
 
 from mrjax import history, order, particle
-from mrjax.box import Box
+from mrjax.core.box import Box
+from mrjax.core.parameters import Parameters, per_particle
+from mrjax.core.run import Fault, Run
+from mrjax.core.state import State
+from mrjax.core.units import Units
 from mrjax.engine import Engine, Motion, Observed, Outcome
 from mrjax.forces import Laws
 from mrjax.hindrance import Hindrance
 from mrjax.history import Notes
 from mrjax.neighbours import Plan
-from mrjax.parameters import Parameters, per_particle
-from mrjax.run import Fault, Run
 from mrjax.schedule import Schedule
-from mrjax.state import State
-from mrjax.units import Units
 
 ROOM = 2e8
 """Bytes that reverse mode may keep before it computes frames a second time."""

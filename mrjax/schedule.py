@@ -10,12 +10,12 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from mrjax import neighbours, particle, timestep
-from mrjax.box import Box
-from mrjax.concrete import where_known
-from mrjax.errors import InputError
+from mrjax.core.box import Box
+from mrjax.core.errors import InputError
+from mrjax.core.parameters import Parameters
+from mrjax.core.state import State
+from mrjax.core.tracing import where_known
 from mrjax.neighbours import Plan
-from mrjax.parameters import Parameters
-from mrjax.state import State
 from mrjax.timestep import Mode
 
 MOST_STEPS = 2**31 - 1

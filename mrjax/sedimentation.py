@@ -11,14 +11,15 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from mrjax import checks, observe, processes
+from mrjax import observe, processes
 from mrjax.checkpoint import refuse_foreign
+from mrjax.core import checks
+from mrjax.core.errors import InputError, shown
+from mrjax.core.parameters import Parameters
+from mrjax.core.run import Run
 from mrjax.disperse import disperse
-from mrjax.errors import InputError, shown
 from mrjax.overlap import OVERLAP
-from mrjax.parameters import Parameters
 from mrjax.recipe import Recipe
-from mrjax.run import Run
 from mrjax.settle import settle
 from mrjax.soften import softened
 

@@ -12,20 +12,21 @@ import numpy as np
 from jax import Array
 from tqdm import tqdm
 
-from mrjax import checks, expected, history, processes, state_file
-from mrjax.box import Box
+from mrjax import expected, history, processes, state_file
 from mrjax.checkpoint import Checkpoint, refuse_foreign
-from mrjax.concrete import known
-from mrjax.errors import InputError, SimulationError
+from mrjax.core import checks
+from mrjax.core.box import Box
+from mrjax.core.errors import InputError, SimulationError
+from mrjax.core.interruption import Stop, interruptible, side_by_side
+from mrjax.core.parameters import Parameters
+from mrjax.core.run import Fault, Run
+from mrjax.core.state import State
+from mrjax.core.tracing import known
 from mrjax.hindrance import Hindrance, as_tree
-from mrjax.interruption import Stop, interruptible, side_by_side
-from mrjax.parameters import Parameters
 from mrjax.pieces import Pieces
-from mrjax.run import Fault, Run
 from mrjax.scan import Setup
 from mrjax.simulate import prepared
 from mrjax.stages import keep, resume
-from mrjax.state import State
 from mrjax.watching import announce
 
 ALONG = ("heights", "mean_velocity", "mean_speed", "trajectory")

@@ -13,8 +13,8 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError
 
 from mrjax import reading, toml_limits
-from mrjax.errors import LONGEST, InputError, shown, shown_key
-from mrjax.text import shortened
+from mrjax.core.errors import LONGEST, InputError, shown, shown_key
+from mrjax.core.text import shortened
 
 MOST_BYTES = 10**6
 """Size of a file beyond which it is no sheet that anyone has written."""

@@ -10,25 +10,20 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from mrjax import (
-    checks,
-    forces,
-    particle,
-    schedule,
-    timestep,
-)
-from mrjax.box import Box
-from mrjax.concrete import concrete, known, plain, where_known
-from mrjax.errors import InputError
+from mrjax import forces, particle, schedule, timestep
+from mrjax.core import checks
+from mrjax.core.box import Box
+from mrjax.core.errors import InputError
+from mrjax.core.interruption import interruptible
+from mrjax.core.parameters import Parameters
+from mrjax.core.run import Run
+from mrjax.core.state import State
+from mrjax.core.tracing import concrete, known, plain, where_known
 from mrjax.failure import failure
 from mrjax.forces import Laws
 from mrjax.hindrance import BED, Hindrance, as_tree
-from mrjax.interruption import interruptible
-from mrjax.parameters import Parameters
 from mrjax.pieces import Pieces
-from mrjax.run import Run
 from mrjax.scan import Setup, attempt
-from mrjax.state import State
 from mrjax.watching import watched
 
 

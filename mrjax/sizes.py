@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from mrjax.errors import InputError, shown, shown_key
+from mrjax.core.errors import InputError, shown, shown_key
 
 LEAST_DIAMETER = 1e-10
 """m, of an atom: what is smaller was given in another unit."""

@@ -12,13 +12,14 @@ from functools import partial
 import jax.numpy as jnp
 from jax import Array
 
-from mrjax import checks, drag, particle, timestep
-from mrjax.box import Box
-from mrjax.by_numpy import by_numpy
-from mrjax.concrete import known, where_known
-from mrjax.errors import InputError
+from mrjax import drag, particle, timestep
+from mrjax.core import checks
+from mrjax.core.box import Box
+from mrjax.core.errors import InputError
+from mrjax.core.numpy_evaluation import by_numpy
+from mrjax.core.parameters import Parameters, per_particle
+from mrjax.core.tracing import known, where_known
 from mrjax.overlap import MOST_OVERLAP
-from mrjax.parameters import Parameters, per_particle
 
 FORCE_CHAINS = 4.5
 """Greatest contact force at the floor of a random bed over the mean load of a particle there."""

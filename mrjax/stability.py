@@ -7,7 +7,8 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
-from mrjax import contact, friction, randomness
+from mrjax import contact, friction
+from mrjax.core import randomness
 from mrjax.leapfrog import Kick
 from mrjax.pairs import Pairs
 from mrjax.pairwise import pairwise

@@ -2,17 +2,18 @@
 
 from pathlib import Path
 
-from mrjax import checks, state_file
-from mrjax.box import Box
+from mrjax import state_file
 from mrjax.checkpoint import Checkpoint, Sequence, refuse_foreign
-from mrjax.errors import InputError
+from mrjax.core import checks
+from mrjax.core.box import Box
+from mrjax.core.errors import InputError
+from mrjax.core.interruption import interruptible
+from mrjax.core.parameters import Parameters
+from mrjax.core.run import Run
+from mrjax.core.state import State
 from mrjax.hindrance import Hindrance, as_tree
-from mrjax.interruption import interruptible
-from mrjax.parameters import Parameters
 from mrjax.pieces import Pieces
-from mrjax.run import Run
 from mrjax.simulate import prepared
-from mrjax.state import State
 from mrjax.watching import watched
 
 MOST_AT_ONCE = 10**8

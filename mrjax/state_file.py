@@ -10,10 +10,10 @@ from jax import Array
 from pydantic import FiniteFloat, PositiveFloat
 
 from mrjax import npz
-from mrjax.errors import InputError
+from mrjax.core.errors import InputError
+from mrjax.core.state import State
 from mrjax.history import WALLS, Contacts
 from mrjax.markers import Strict
-from mrjax.state import State
 
 
 class Metadata(Strict):

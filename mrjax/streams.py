@@ -10,7 +10,7 @@ import select
 import sys
 from typing import TYPE_CHECKING, TextIO
 
-from mrjax.refusals import refusal
+from mrjax.core.refusals import refusal
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer

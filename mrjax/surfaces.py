@@ -8,8 +8,8 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from mrjax import contact, friction, particle, rolling
+from mrjax.core.parameters import Parameters
 from mrjax.pairs import Pairs
-from mrjax.parameters import Parameters
 
 
 class Surfaces(NamedTuple):

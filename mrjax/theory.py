@@ -4,9 +4,10 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from mrjax import checks, contact, drag, particle
+from mrjax import contact, drag, particle
+from mrjax.core import checks
+from mrjax.core.parameters import Parameters
 from mrjax.leapfrog import mean_decay
-from mrjax.parameters import Parameters
 
 
 def terminal_velocity(parameters: Parameters) -> Array:

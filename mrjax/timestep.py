@@ -10,8 +10,9 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from mrjax import checks, contact, drag, friction, particle
-from mrjax.parameters import Parameters
+from mrjax import contact, drag, friction, particle
+from mrjax.core import checks
+from mrjax.core.parameters import Parameters
 
 REFINEMENT = 20.0
 """h_t of Eq. 29. The paper's cases 2 and 3 come to 20.6 and 16.3."""

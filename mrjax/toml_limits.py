@@ -6,7 +6,7 @@ look at each word is enough.
 
 import re
 
-from mrjax.errors import InputError
+from mrjax.core.errors import InputError
 
 MOST_PARTS = 16
 """Of a key, such as the three of `a.b.c`; a sheet has keys of two."""

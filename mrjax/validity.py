@@ -13,8 +13,8 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from mrjax import observe, particle, timestep
-from mrjax.by_numpy import by_numpy
-from mrjax.parameters import Parameters
+from mrjax.core.numpy_evaluation import by_numpy
+from mrjax.core.parameters import Parameters
 
 BOLTZMANN = 1.380649e-23
 """J/K."""

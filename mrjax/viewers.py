@@ -15,10 +15,11 @@ import numpy as np
 from jax.typing import ArrayLike
 from pydantic import NonNegativeInt
 
-from mrjax import files, markers, refusals
-from mrjax.errors import InputError
+from mrjax import files, markers
+from mrjax.core import refusals
+from mrjax.core.errors import InputError
+from mrjax.core.run import Run
 from mrjax.markers import ForeignError, Strict
-from mrjax.run import Run
 
 PER_METRE = 1e6
 """Micrometres."""

@@ -10,7 +10,7 @@ from pytest import approx as near
 import calibrate
 import mrjax
 from mrjax import hindrance, observe, particle, soften, theory, timestep
-from mrjax.concrete import known, where_known
+from mrjax.core.tracing import known, where_known
 
 DRY = dict(
     particle_density=2500.0,

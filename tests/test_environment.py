@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from test_commands import COMPILED, ENVIRONMENT, SMALL
 
-from mrjax import randomness
+from mrjax.core import randomness
 
 GENERATORS = {
     "JAX_DEFAULT_PRNG_IMPL": "rbg",

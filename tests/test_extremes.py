@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import mrjax
-from mrjax import checks
+from mrjax.core import checks
 
 BOX = mrjax.Box((2e-5,) * 3)
 PARAMETERS = mrjax.Parameters(

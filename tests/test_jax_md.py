@@ -12,7 +12,7 @@ import pytest
 LIGHT = """
 import sys
 import mrjax
-from mrjax import _jax_md
+from mrjax.core import _jax_md
 loaded = {name for name in sys.modules if name.split(".")[0] == "jax_md"}
 assert "jax_md" not in loaded, "a half-made package is left behind"
 assert not any(name.startswith(("jax_md.nn", "jax_md.rigid_body", "jax_md.energy")) for name in
@@ -23,7 +23,7 @@ assert callable(_jax_md.minimize.fire_descent)
 """
 
 AFTERWARDS = """
-import mrjax, mrjax._jax_md
+import mrjax, mrjax.core._jax_md
 import jax_md
 from jax_md import quantity, space
 assert callable(jax_md.energy.soft_sphere_pair)
@@ -35,7 +35,7 @@ mrjax.Box((1.0, 1.0, 1.0)).space()
 """
 
 ATTRIBUTES = """
-import mrjax._jax_md
+import mrjax.core._jax_md
 import jax_md, jax_md.quantity
 assert callable(jax_md.quantity.temperature)
 """
@@ -45,7 +45,7 @@ import sys
 import jax_md
 package = sys.modules["jax_md"]
 import mrjax
-from mrjax import _jax_md
+from mrjax.core import _jax_md
 assert sys.modules["jax_md"] is package is jax_md
 assert callable(jax_md.energy.soft_sphere_pair) and callable(jax_md.quantity.temperature)
 assert _jax_md.space is jax_md.space, "a second copy of what was there"

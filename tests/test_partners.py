@@ -21,7 +21,7 @@ from mrjax import messages
 ONE = """
 import sys, time
 from mrjax import partners
-from mrjax.errors import InputError, SystemRefusal
+from mrjax.core.errors import InputError, SystemRefusal
 
 partners.PATIENCE, partners.SILENCE, partners.BEAT, partners.GRACE = {times}
 number, count, port, busy = map(int, sys.argv[1:])

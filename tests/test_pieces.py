@@ -18,7 +18,8 @@ from test_resume import Stopped, alike, stopping
 from test_settle import WALLED, dispersed, soft
 
 import mrjax
-from mrjax import commands, interruption, order, pieces, schedule, stages, watching
+from mrjax import commands, order, pieces, schedule, stages, watching
+from mrjax.core import interruption
 
 DURATION = dict(duration=3.0, frames=6, time_step=0.003, skin=0.05)
 

@@ -15,7 +15,7 @@ from calibrate import LogNormal, chains, diagnostics
 from calibrate import fit as fitted_to
 from calibrate.chains import Sampler, arrays
 from calibrate.posterior import Posterior, posterior
-from mrjax.permissive import permissive
+from mrjax.core.promotion import permissive
 
 HERE = Path(__file__).parent
 

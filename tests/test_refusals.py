@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 from test_commands import COMPILED, ENVIRONMENT, SMALL
 
-from mrjax import SystemRefusal, files, refusals
+from mrjax import SystemRefusal, files
+from mrjax.core import refusals
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits and mounts of Linux")
 

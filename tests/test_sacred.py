@@ -21,7 +21,7 @@ from calibrate.fit import fit
 from calibrate.residuals import Problem
 from mrjax import InputError, checkpoint, commands, files, results, resume, viewers
 from mrjax.checkpoint import Checkpoint
-from mrjax.trajectory import Trajectory
+from mrjax.core.trajectory import Trajectory
 
 COMMANDS = {
     "simulate": (mrjax.__main__.cli, ["simulate", "small.toml", "--duration", "1e-7"]),

@@ -9,7 +9,7 @@ import pytest
 
 import mrjax
 from mrjax import leapfrog, neighbours, pairs, particle, stability, surfaces
-from mrjax.units import Units
+from mrjax.core.units import Units
 
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12
 EXACT = 1e-12  # some ten roundings of numbers of order one

@@ -16,7 +16,7 @@ import pytest
 import calibrate
 import mrjax
 from mrjax import contact, drag, soften, timestep
-from mrjax.by_numpy import by_numpy
+from mrjax.core.numpy_evaluation import by_numpy
 
 ENDING = """
 import json, sys
@@ -50,7 +50,16 @@ def loaded_by(module: str, *arguments: str) -> tuple[str, set[str]]:
     return said, set(json.loads(names))
 
 
-HEAVY = {"jax", "numpy", "scipy", "pydantic", "matplotlib", "llvmlite", "optax", "mrjax._jax_md"}
+HEAVY = {
+    "jax",
+    "numpy",
+    "scipy",
+    "pydantic",
+    "matplotlib",
+    "llvmlite",
+    "optax",
+    "mrjax.core._jax_md",
+}
 
 
 @pytest.mark.parametrize(
@@ -75,7 +84,7 @@ def test_a_check_loads_jax_and_little_more():
     said, loaded = loaded_by("mrjax", "check", "case2")
     assert "9.1164 mm/day" in said
     assert {"jax", "numpy", "pydantic"} <= loaded
-    assert not {"scipy", "matplotlib", "llvmlite", "optax", "tqdm", "mrjax._jax_md"} & loaded
+    assert not {"scipy", "matplotlib", "llvmlite", "optax", "tqdm", "mrjax.core._jax_md"} & loaded
 
 
 COMPILED = """
@@ -110,7 +119,7 @@ from calibrate.calibration import calibrated
 _, fit = calibrated(calibrate.Experiment.load("fang2005"), "closed-form")
 assert fit.converged
 assert "jax" in sys.modules and "optax" in sys.modules
-unused = {"mrjax._jax_md", "jax_md", "llvmlite", "matplotlib", "mrjax.simulate", "blackjax"}
+unused = {"mrjax.core._jax_md", "jax_md", "llvmlite", "matplotlib", "mrjax.simulate", "blackjax"}
 print(sorted(unused & set(sys.modules)))
 """
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import mrjax
-from mrjax import checks, contact, friction, particle, surfaces
+from mrjax import contact, friction, particle, surfaces
+from mrjax.core import checks
 from mrjax.pairs import Pairs
 
 near = partial(pytest.approx, rel=1e-13, abs=0.0)  # its own abs passes all within 1e-12

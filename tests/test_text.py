@@ -30,7 +30,8 @@ from calibrate.calibration import calibrated
 from calibrate.identify import identify
 from calibrate.posterior import Posterior
 from calibrate.profile import profiles
-from mrjax import Recipe, commands, figures, files, text
+from mrjax import Recipe, commands, figures, files
+from mrjax.core import text
 
 each_name = pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
 ORDINARY = ("broken mathematics", "emoji", "as long as may be")

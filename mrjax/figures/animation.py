@@ -9,11 +9,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 from tqdm import tqdm
 
-from mrjax import checks, files
-from mrjax.errors import InputError
+from mrjax import files
+from mrjax.core import checks
+from mrjax.core.errors import InputError
+from mrjax.core.run import Run
 from mrjax.figures import spheres
 from mrjax.figures.style import STYLE, interface
-from mrjax.run import Run
 
 FORMATS = ("gif", "mp4")
 PER_SECOND = 20

@@ -7,13 +7,13 @@ from matplotlib.patches import Circle
 from matplotlib.ticker import EngFormatter
 
 from mrjax import particle
-from mrjax.box import Box
-from mrjax.errors import InputError
+from mrjax.core.box import Box
+from mrjax.core.errors import InputError
+from mrjax.core.parameters import Parameters, per_particle
+from mrjax.core.state import State
 from mrjax.figures import spheres
 from mrjax.figures.style import COLUMN, STYLE
 from mrjax.loads import Touching, normal_forces
-from mrjax.parameters import Parameters, per_particle
-from mrjax.state import State
 
 THICKEST = 3.5
 """Line of a force of `STRONG` times the mean, or more; points."""

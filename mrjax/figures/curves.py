@@ -7,11 +7,11 @@ from matplotlib.ticker import EngFormatter
 
 from mrjax import observe, theory
 from mrjax.concentration import concentration
+from mrjax.core.parameters import Parameters
+from mrjax.core.run import Run
+from mrjax.core.units import MM_PER_DAY
 from mrjax.figures.style import PAGE, STYLE, interface
-from mrjax.parameters import Parameters
-from mrjax.run import Run
 from mrjax.sedimentation import Sedimentation
-from mrjax.units import MM_PER_DAY
 
 
 @STYLE

@@ -5,8 +5,8 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 
 from mrjax.concentration import concentration as volume_fraction
+from mrjax.core.run import Run
 from mrjax.figures.style import COLUMN, STYLE, interface
-from mrjax.run import Run
 
 LEVELS = 200
 

@@ -7,9 +7,9 @@ from jax.typing import ArrayLike
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 
-from mrjax.errors import InputError
+from mrjax.core.errors import InputError
+from mrjax.core.text import in_figure
 from mrjax.figures.style import COLUMN, LINES, STYLE
-from mrjax.text import in_figure
 
 
 @STYLE

@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.image import AxesImage
 
-from mrjax.box import Box
-from mrjax.errors import InputError
+from mrjax.core.box import Box
+from mrjax.core.errors import InputError
+from mrjax.core.text import in_figure
 from mrjax.figures.style import COLUMN, PAGE, STYLE
-from mrjax.text import in_figure
 
 AZIMUTH, ELEVATION = np.radians(25.0), np.radians(12.0)
 """From where a box is looked at: to the right of its front, and from above."""

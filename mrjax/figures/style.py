@@ -3,7 +3,7 @@
 import matplotlib
 import numpy as np
 
-from mrjax.run import Run
+from mrjax.core.run import Run
 
 COLUMN, PAGE = 3.4, 7.0
 """Widths of a figure in one column, and across both; inches."""
@@ -25,7 +25,7 @@ STYLE = matplotlib.rc_context(
         "ytick.minor.width": 0.4,
         "lines.linewidth": 1.0,
         "image.cmap": "gray_r",
-        # Labels are made for matplotlib's own mathematics, by `mrjax.text.in_figure`.
+        # Labels are made for matplotlib's own mathematics, by `mrjax.core.text.in_figure`.
         "text.usetex": False,
         "text.parse_math": True,
     }

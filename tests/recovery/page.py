@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 
 from calibrate.profile import LEVELS
+from mrjax.core.text import in_code
 from mrjax.files import markdown_table
-from mrjax.text import in_code
 
 from . import coverage
 

@@ -10,10 +10,10 @@ import numpy as np
 
 import mrjax
 from mrjax import observe
-from mrjax.box import Box
+from mrjax.core.box import Box
+from mrjax.core.run import Run
 from mrjax.dropped import dropped
 from mrjax.recipe import Recipe
-from mrjax.run import Run
 from mrjax.sedimentation import OVERLAP
 
 FILE = Path(__file__).parent / "beds.csv"

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
+from mrjax.core.text import Markdown, in_code
 from mrjax.files import markdown_table
-from mrjax.text import Markdown, in_code
 
 from . import ours, problem
 

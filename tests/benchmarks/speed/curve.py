@@ -11,7 +11,7 @@ import numpy as np
 
 import mrjax
 from mrjax import drag, particle
-from mrjax.box import Box
+from mrjax.core.box import Box
 
 from . import liggghts, process, states, timing
 from .process import Process

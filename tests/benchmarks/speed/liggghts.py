@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mrjax.box import Box
+from mrjax.core.box import Box
+from mrjax.core.parameters import Parameters
 from mrjax.dropped import ELASTIC_MODULUS, RESTITUTION
-from mrjax.parameters import Parameters
 
 from . import process, states
 

@@ -3,9 +3,9 @@
 import json
 from pathlib import Path
 
+from mrjax.core.text import in_code
 from mrjax.files import markdown_table
 from mrjax.schedule import MOST_STEPS_BETWEEN_REBUILDS
-from mrjax.text import in_code
 
 from . import states, throughput
 

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jax import Array
 
 import mrjax
-from mrjax.parameters import Parameters
+from mrjax.core.parameters import Parameters
 
 from . import states
 

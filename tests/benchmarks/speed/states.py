@@ -9,17 +9,17 @@ from pathlib import Path
 import numpy as np
 
 import mrjax
-from mrjax.box import Box
+from mrjax.core.box import Box
+from mrjax.core.interruption import Stop
+from mrjax.core.parameters import Parameters
+from mrjax.core.run import Run
+from mrjax.core.state import State
 from mrjax.dropped import ELASTIC_MODULUS, REST, RESTITUTION
-from mrjax.interruption import Stop
 from mrjax.overlap import OVERLAP
-from mrjax.parameters import Parameters
 from mrjax.pieces import Pieces
 from mrjax.recipe import Recipe
-from mrjax.run import Run
 from mrjax.scan import Setup
 from mrjax.simulate import prepared
-from mrjax.state import State
 
 FRICTION = 0.5
 TIME_STEP = 5e-8

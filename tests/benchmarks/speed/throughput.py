@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mrjax.run import Run
+from mrjax.core.run import Run
 from mrjax.scan import Setup
 
 from . import liggghts, process, states, timing

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from mrjax.errors import SystemRefusal
-from mrjax.text import shortened
+from mrjax.core.errors import SystemRefusal
+from mrjax.core.text import shortened
 
 LONGEST_NAME = 120
 """Characters of a path that a line shows."""

@@ -9,8 +9,8 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike, DTypeLike
 
-from mrjax.box import LARGEST, SMALLEST
-from mrjax.errors import InputError, shown
+from mrjax.core.box import LARGEST, SMALLEST
+from mrjax.core.errors import InputError, shown
 from mrjax.history import Contacts
 
 

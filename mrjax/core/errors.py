@@ -2,10 +2,10 @@
 
 from typing import TYPE_CHECKING
 
-from mrjax import text
+from mrjax.core import text
 
 if TYPE_CHECKING:
-    from mrjax.state import State
+    from mrjax.core.state import State
 
 LONGEST = 60
 """Characters of a value that a message shows."""

@@ -9,11 +9,11 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from mrjax.box import AXES, LARGEST, SMALLEST, Box
-from mrjax.concrete import concrete
-from mrjax.errors import InputError, shown
-from mrjax.parameters import Parameters
-from mrjax.state import State
+from mrjax.core.box import AXES, LARGEST, SMALLEST, Box
+from mrjax.core.errors import InputError, shown
+from mrjax.core.parameters import Parameters
+from mrjax.core.state import State
+from mrjax.core.tracing import concrete
 
 MOST = 2**31 - 1
 """Of what is counted."""

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from mrjax.errors import InputError, shown
-from mrjax.permissive import permissive
+from mrjax.core.errors import InputError, shown
+from mrjax.core.promotion import permissive
 
 AXES = ("x", "y", "z")
 SMALLEST, LARGEST = 1e-30, 1e30
@@ -80,7 +80,7 @@ class Box:
           periodic axes; and shift(position, change), the moved position, wrapped into the box on
           periodic axes.
         """
-        from mrjax._jax_md import space
+        from mrjax.core._jax_md import space
 
         # Not of jax: jax-md's functions refer to each other in a circle, and would keep a traced
         # value, and with it dead code in the program, until the collector comes by.

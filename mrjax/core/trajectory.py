@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import jax
 from jax import Array
 
-from mrjax.units import Units
+from mrjax.core.units import Units
 
 
 @jax.tree_util.register_dataclass

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike, DTypeLike
 
-from mrjax.units import Units
+from mrjax.core.units import Units
 
 T = TypeVar("T", bound=type)
 

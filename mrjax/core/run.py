@@ -8,11 +8,11 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from mrjax.box import Box
-from mrjax.concrete import concrete
-from mrjax.errors import SimulationError
-from mrjax.state import State
-from mrjax.trajectory import Trajectory
+from mrjax.core.box import Box
+from mrjax.core.errors import SimulationError
+from mrjax.core.state import State
+from mrjax.core.tracing import concrete
+from mrjax.core.trajectory import Trajectory
 
 
 class Fault(IntFlag):
