@@ -19,9 +19,10 @@ import mrjax
 from calibrate.data import Sample
 from calibrate.suspension import BED, CLOSURE, Suspension
 from calibrate.units import CURVES
-from mrjax import InputError, observe, particle, timestep
+from mrjax import InputError, observe
 from mrjax.core import checks
 from mrjax.core.tracing import concrete
+from mrjax.laws import particle, time_scales
 from mrjax.overlap import OVERLAP
 
 RELAXATIONS = 40
@@ -144,7 +145,7 @@ def particles(
     """
     recipe, parameters = sample.recipe, near.parameters
     state = mrjax.disperse(recipe, seed)
-    relaxation = float(timestep.relaxation_time(parameters).max())
+    relaxation = float(time_scales.relaxation_time(parameters).max())
     duration = RELAXATIONS * relaxation
     falling = mrjax.terminal_velocity(parameters)
     travel = MARGIN * float(falling.max()) * duration
@@ -165,7 +166,7 @@ def particles(
 
     def predict(suspension: Suspension) -> Prediction:
         parameters = suspension.parameters
-        slowest = concrete(jnp.max(timestep.relaxation_time(parameters)))
+        slowest = concrete(jnp.max(time_scales.relaxation_time(parameters)))
         if slowest is not None and FEWEST_RELAXATIONS * slowest > duration:
             raise InputError(
                 f"sample {sample.name!r}: particles relax {slowest / relaxation:.3g} times more "

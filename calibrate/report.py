@@ -28,8 +28,9 @@ from calibrate.posterior import Posterior
 from calibrate.profile import LEVELS, Profile
 from calibrate.residuals import Problem
 from calibrate.units import CURVES, TIME_UNITS
-from mrjax import Parameters, files, terminal_velocity, validity
+from mrjax import Parameters, files, terminal_velocity
 from mrjax.core.text import in_code, in_html, in_markdown, in_terminal
+from mrjax.laws import dimensionless
 
 SMALLEST_P = 1e-12
 """Below which a p-value says nothing more."""
@@ -123,7 +124,7 @@ def summary(
             *(
                 f"sample {name}: {warning}"
                 for name, numbers in validity_of.items()
-                for warning in validity.warnings(numbers)
+                for warning in dimensionless.warnings(numbers)
             ),
             *_too_fast(problem, fit),
         ],
@@ -195,9 +196,9 @@ def _at_bounds(problem: Problem, fit: Fit) -> list[str]:
     ]
 
 
-def _validity(parameters: Parameters) -> tuple[validity.Number, ...]:
+def _validity(parameters: Parameters) -> tuple[dimensionless.Number, ...]:
     """Of a suspension that falls as fitted."""
-    return validity.numbers(parameters, terminal_velocity(parameters))
+    return dimensionless.numbers(parameters, terminal_velocity(parameters))
 
 
 def _parameters(

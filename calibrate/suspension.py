@@ -11,7 +11,7 @@ from jax.tree_util import Partial
 from jax.typing import ArrayLike
 
 from mrjax import InputError, Parameters, Recipe
-from mrjax.hindrance import Hindrance
+from mrjax.laws.hindrance import Hindrance
 from mrjax.sheets import did_you_mean
 
 BED = "bed_fraction"

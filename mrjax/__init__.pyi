@@ -1,16 +1,7 @@
-from . import contact as contact
-from . import drag as drag
+# Old names of modules, which `mrjax.core.aliases` keeps.
+
 from . import figures as figures
-from . import forces as forces
-from . import friction as friction
-from . import hindrance as hindrance
-from . import leapfrog as leapfrog
-from . import particle as particle
-from . import rolling as rolling
-from . import surfaces as surfaces
-from . import theory as theory
-from . import timestep as timestep
-from . import validity as validity
+from . import laws as laws
 from .column import Column as Column
 from .column import column as column
 from .column import column_steps as column_steps
@@ -31,6 +22,12 @@ from .core.units import MM_PER_DAY as MM_PER_DAY
 from .disperse import disperse as disperse
 from .ensemble import ensemble as ensemble
 from .history import Contacts as Contacts
+from .laws import drag as drag
+from .laws import hindrance as hindrance
+from .laws import particle as particle
+from .laws import rolling as rolling
+from .laws.closed_forms import terminal_velocity as terminal_velocity
+from .laws.time_scales import time_step as time_step
 from .loads import Touching as Touching
 from .loads import contact_forces as contact_forces
 from .loads import coordination_number as coordination_number
@@ -53,8 +50,6 @@ from .soften import softened as softened
 from .stages import follow as follow
 from .state_file import load_state as load_state
 from .state_file import save_state as save_state
-from .theory import terminal_velocity as terminal_velocity
-from .timestep import time_step as time_step
 from .viewers import write_gsd as write_gsd
 from .viewers import write_vtk as write_vtk
 

@@ -123,8 +123,9 @@ def simulate(
     from tqdm import tqdm
 
     import mrjax
-    from mrjax import environment, figures, files, processes, results, timestep, validity
+    from mrjax import environment, figures, files, processes, results
     from mrjax.core import checks
+    from mrjax.laws import dimensionless, time_scales
     from mrjax.resume import kept
 
     if distributed is not None:
@@ -144,7 +145,7 @@ def simulate(
         figures.refuse_without_writer(Path(f"settling.{ending}"))
     folder = processes.by_first(lambda: files.result_folder(Path(out)))
     parameters = sheet.parameters()
-    relaxation = float(timestep.relaxation_time(parameters).max())
+    relaxation = float(time_scales.relaxation_time(parameters).max())
     notes = list(sheet.notes)
     if duration is not None and duration < STEADY_AFTER * relaxation:
         notes.append(
@@ -177,8 +178,8 @@ def simulate(
             checkpoint=checkpoint and checkpoint / "rise",
         )
         velocity = float(mrjax.settling_velocity(rise))
-        numbers = validity.numbers(parameters, velocity)
-        warnings = validity.warnings(numbers)
+        numbers = dimensionless.numbers(parameters, velocity)
+        warnings = dimensionless.warnings(numbers)
         made_by = commands.made_by(sheet, seed, dtype)
         summary: dict[str, Any] = {
             "recipe": sheet.name,
@@ -270,7 +271,7 @@ def simulate(
             f"%{spread} of the height; contacts softened to {summary['deepest_overlap_radii']:.2g} "
             f"radii, moduli by a factor of {summary['softening']:.2g}."
         )
-    commands.echo(f"Numbers, and where the model holds: {validity.in_words(numbers)}.")
+    commands.echo(f"Numbers, and where the model holds: {dimensionless.in_words(numbers)}.")
     commands.echo(f"{run.steps} steps of {run.time_step:.3g} s on {jax.default_backend()}.")
     commands.echo(f"Results: {folder}")
 

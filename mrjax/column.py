@@ -24,14 +24,15 @@ import numpy as np
 from jax import Array, lax
 from jax.typing import ArrayLike, DTypeLike
 
-from mrjax import compression, kynch, particle
+from mrjax import compression, kynch
 from mrjax.compression import Compression
 from mrjax.core import checks
 from mrjax.core.errors import InputError, shown
 from mrjax.core.parameters import Parameters
 from mrjax.core.tracing import concrete, known, where_known
-from mrjax.hindrance import Hindrance, as_tree
-from mrjax.theory import terminal_velocity
+from mrjax.laws import particle
+from mrjax.laws.closed_forms import terminal_velocity
+from mrjax.laws.hindrance import Hindrance, as_tree
 
 REACH = 0.5
 """Most cells that a front may cross in a step: each half of a cell is a cell to its own face."""

@@ -6,10 +6,11 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from mrjax import expected, particle, theory, timestep, validity
+from mrjax import expected
 from mrjax.core.numpy_evaluation import by_numpy
 from mrjax.core.parameters import Parameters
 from mrjax.core.units import MM_PER_DAY
+from mrjax.laws import closed_forms, dimensionless, particle, time_scales
 from mrjax.overlap import OVERLAP
 from mrjax.recipe import Recipe
 from mrjax.soften import softened
@@ -44,7 +45,7 @@ def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
     fall, falling = expected.duration(soft, recipe.box, count, way)
     step = expected.step(soft, recipe.box, count, falling, recipe.hindrance)
     factor = float(soft.elastic_modulus) / float(parameters.elastic_modulus)
-    numbers = validity.numbers(parameters, of["velocity"])
+    numbers = dimensionless.numbers(parameters, of["velocity"])
     rest, steps = expected.TO_REST * fall, expected.TO_REST * fall / step
     found = [
         ("particles", "particles in the box", count, "1"),
@@ -89,7 +90,8 @@ def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
 def warnings(recipe: Recipe) -> list[str]:
     """One line for each assumption of the model that the suspension does not meet."""
     parameters = recipe.parameters()
-    return validity.warnings(validity.numbers(parameters, by_numpy(_of, parameters)["velocity"]))
+    velocity = by_numpy(_of, parameters)["velocity"]
+    return dimensionless.warnings(dimensionless.numbers(parameters, velocity))
 
 
 def _of(parameters: Parameters) -> dict[str, Array]:
@@ -98,8 +100,8 @@ def _of(parameters: Parameters) -> dict[str, Array]:
     return {
         "smallest": jnp.min(outer),
         "largest": jnp.max(outer),
-        "velocity": theory.terminal_velocity(parameters),
-        "relaxation": jnp.max(timestep.relaxation_time(parameters)),
-        "rayleigh": timestep.rayleigh_time(parameters),
-        "step": timestep.time_step(parameters),
+        "velocity": closed_forms.terminal_velocity(parameters),
+        "relaxation": jnp.max(time_scales.relaxation_time(parameters)),
+        "rayleigh": time_scales.rayleigh_time(parameters),
+        "step": time_scales.time_step(parameters),
     }

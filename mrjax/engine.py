@@ -12,15 +12,16 @@ import numpy as np
 from jax import Array, lax
 from jax.typing import DTypeLike
 
-from mrjax import forces, history, leapfrog, neighbours, pairs, particle, stability, surfaces
+from mrjax import forces, history, leapfrog, neighbours, pairs, stability
 from mrjax.core.box import Box
 from mrjax.core.parameters import Parameters, per_particle
 from mrjax.core.run import Fault
 from mrjax.core.trajectory import Trajectory
 from mrjax.core.units import Units
 from mrjax.forces import Laws
-from mrjax.hindrance import Hindrance, hindered
 from mrjax.history import Memory, Notes
+from mrjax.laws import effective, particle
+from mrjax.laws.hindrance import Hindrance, hindered
 from mrjax.leapfrog import Kick
 from mrjax.neighbours import Plan
 from mrjax.pairs import Pairs
@@ -173,7 +174,7 @@ class Engine:
         travelled = leapfrog.drifted(half_way, velocity, -0.5)
         outran = (2.0 * jnp.sqrt(jnp.max(farthest)) > self.skin_left) & (self.particles > 1)
         fault = motion.fault | jnp.where(outran, int(Fault.OUTRAN_LIST), 0)
-        constants = surfaces.of(self.parameters, self.material, listed)
+        constants = effective.of(self.parameters, self.material, listed)
         kicks = self._kicks(origin + travelled)
         bed = (motion.swing, listed, constants, deepest, self.radius, *kicks)
         swing = stability.swing(*lax.stop_gradient(bed), sliding=self.laws.sliding)

@@ -8,14 +8,15 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from mrjax import particle, soften, theory, timestep
+from mrjax import soften
 from mrjax.core.box import Box
 from mrjax.core.errors import InputError
 from mrjax.core.numpy_evaluation import by_numpy
 from mrjax.core.parameters import Parameters, per_particle
 from mrjax.core.tracing import concrete, known, where_known
-from mrjax.hindrance import BED, Hindrance
-from mrjax.timestep import Mode
+from mrjax.laws import closed_forms, particle, time_scales
+from mrjax.laws.hindrance import BED, Hindrance
+from mrjax.laws.time_scales import Mode
 
 RANDOM_BED = (Mode(2.8, 2.8, 2.8),)
 """About what the contacts of a random bed of spheres add up to; a run that shows this to be too few
@@ -168,7 +169,7 @@ def _falling(numbers: Parameters, particles: int) -> tuple[Array, ...]:
     radius = per_particle(particle.outer_radius(numbers), particles)
     volume = 4 / 3 * jnp.pi * radius**3
     weight = per_particle(particle.net_weight(numbers), particles)
-    speed = per_particle(jnp.abs(theory.terminal_velocity(numbers)), particles)
+    speed = per_particle(jnp.abs(closed_forms.terminal_velocity(numbers)), particles)
     return (
         jnp.max(jnp.abs(particle.net_weight(numbers) / particle.inertia(numbers))),
         jnp.min(jnp.where(weight != 0.0, speed, jnp.inf)),
@@ -183,8 +184,8 @@ def _overlaps(numbers: Parameters, box: Box, particles: int, falling: float) -> 
     radius = per_particle(particle.outer_radius(numbers), particles)
     return (
         soften.resting_overlap(numbers, box, particles),
-        timestep.expected_overlap(numbers, jnp.max(jnp.abs(particle.net_weight(numbers))), 0.0),
-        timestep.expected_overlap(numbers, 0.0, falling),
+        time_scales.expected_overlap(numbers, jnp.max(jnp.abs(particle.net_weight(numbers))), 0.0),
+        time_scales.expected_overlap(numbers, 0.0, falling),
         4 / 3 * jnp.pi * jnp.sum(radius**3) / box.volume,
     )
 
@@ -192,6 +193,6 @@ def _overlaps(numbers: Parameters, box: Box, particles: int, falling: float) -> 
 def _limits(numbers: Parameters, overlap: float) -> tuple[Array, Array]:
     """The largest stable step and the least relaxation time, s."""
     return (
-        timestep.largest_stable_step(numbers, overlap, RANDOM_BED),
-        jnp.min(timestep.relaxation_time(numbers)),
+        time_scales.largest_stable_step(numbers, overlap, RANDOM_BED),
+        jnp.min(time_scales.relaxation_time(numbers)),
     )

@@ -10,7 +10,6 @@ import jax
 import numpy as np
 from scipy.spatial import cKDTree
 
-from mrjax import particle
 from mrjax.core.box import AXES, Box
 from mrjax.core.errors import SimulationError
 from mrjax.core.numpy_evaluation import by_numpy
@@ -18,7 +17,8 @@ from mrjax.core.parameters import Parameters
 from mrjax.core.run import Fault, reasons
 from mrjax.core.state import State
 from mrjax.engine import DEEPEST
-from mrjax.hindrance import Hindrance
+from mrjax.laws import particle
+from mrjax.laws.hindrance import Hindrance
 from mrjax.scan import Setup, attempt
 from mrjax.schedule import Schedule
 

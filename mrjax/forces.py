@@ -14,14 +14,16 @@ import numpy as np
 from jax import Array, lax
 from jax.core import Tracer
 
-from mrjax import contact, friction, history, particle, rolling, surfaces
+from mrjax import history
 from mrjax.core.parameters import Parameters, per_particle
 from mrjax.core.tracing import concrete
 from mrjax.history import Memory
+from mrjax.laws import effective, particle, rolling, tangential
+from mrjax.laws.effective import Surfaces
+from mrjax.laws.normal import LEAST_DISTANCE, normal_force
+from mrjax.laws.vectors import Vector, cross, dot, plus, times
 from mrjax.pairs import Pairs
 from mrjax.pairwise import pairwise
-from mrjax.surfaces import Surfaces
-from mrjax.vectors import Vector, cross, dot, plus, times
 
 
 @dataclass(frozen=True)
@@ -94,8 +96,8 @@ def of_contacts(
         return Memory(*(next(values) if acts else None for acts in (laws.sliding, laws.rolling)))
 
     def law(listed: Pairs) -> Law:
-        kinds = surfaces.of_kinds(parameters, material, listed.wall is not None)
-        constants = surfaces.of(parameters, material, listed) if kinds is None else kinds
+        kinds = effective.of_kinds(parameters, material, listed.wall is not None)
+        constants = effective.of(parameters, material, listed) if kinds is None else kinds
         each = [i for i, constant in enumerate(constants) if jnp.ndim(constant)]
         same = [i for i in range(len(constants)) if i not in each]
         differing = [jnp.stack([constants[i] for i in each])] if each else []
@@ -214,7 +216,7 @@ def _meeting(mine: Body, theirs: Body, separation: Vector, axis: Array) -> Meeti
     """
     between = apart(mine, theirs, separation, axis)
     square = dot(between, between)
-    least = contact.LEAST_DISTANCE * mine.radius
+    least = LEAST_DISTANCE * mine.radius
     distance = jnp.sqrt(jnp.where(square > 0.0, square, least**2))
     normal = times(1.0 / distance, between)
     their_radius = jnp.where(axis < 0, theirs.radius, 0.0)
@@ -256,7 +258,7 @@ def _contact(
 ) -> tuple[Vector, tuple[Vector, Vector] | tuple[()], Memory]:
     """Force on the particle of every contact, torques on both, and what the contacts remember."""
     normal = meeting.normal
-    push = contact.normal_force(
+    push = normal_force(
         meeting.overlap,
         meeting.closing,
         surfaces.modulus,
@@ -272,7 +274,7 @@ def _contact(
     touching = _time_in_contact(meeting, time_step)
     if slid is not None:
         stretch = plus(history.turned(slid, normal, turn, twist), touching, meeting.slip)
-        grip, slid = friction.tangential_force(
+        grip, slid = tangential.tangential_force(
             stretch,
             meeting.slip,
             meeting.overlap,

@@ -13,7 +13,7 @@ import numpy as np
 from jax import Array, lax
 from jax.typing import DTypeLike
 
-from mrjax.vectors import Vector, cross, dot, plus, times
+from mrjax.laws.vectors import Vector, cross, dot, plus, times
 
 if TYPE_CHECKING:
     from mrjax.pairs import Pairs  # which comes with jax-md, that a state does without

@@ -24,8 +24,8 @@ import jax.numpy as jnp
 from jax import Array, lax
 
 from mrjax.core.parameters import Parameters
-from mrjax.hindrance import Hindrance
-from mrjax.theory import terminal_velocity
+from mrjax.laws.closed_forms import terminal_velocity
+from mrjax.laws.hindrance import Hindrance
 
 INTERVALS = 256
 """Of the table of the flux, on either side of the initial volume fraction: linear in between, which

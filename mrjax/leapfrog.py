@@ -15,8 +15,8 @@ from typing import NamedTuple, TypeVar
 import jax.numpy as jnp
 from jax import Array
 
-from mrjax import drag, particle
 from mrjax.core.parameters import Parameters
+from mrjax.laws import drag, particle
 
 SERIES_BELOW = 0.1
 SERIES_ORDER = 11  # exact to rounding below the switch, three derivatives included

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from mrjax import contact, forces, history, neighbours, pairs, particle, schedule, surfaces
+from mrjax import forces, history, neighbours, pairs, schedule
 from mrjax.core import checks
 from mrjax.core.box import Box
 from mrjax.core.parameters import Parameters
@@ -14,6 +14,7 @@ from mrjax.core.state import State
 from mrjax.core.tracing import concrete, known, where_known
 from mrjax.core.units import Units
 from mrjax.forces import Loads
+from mrjax.laws import effective, normal, particle
 from mrjax.pairs import Pairs
 
 
@@ -93,8 +94,8 @@ def normal_forces(state: State, parameters: Parameters, box: Box) -> Touching:
     of_second = np.concatenate([velocity, walls])[np.asarray(listed.second)]
     distance = np.sqrt((separation**2).sum(axis=1))
     towards = (separation * (velocity[np.asarray(listed.first)] - of_second)).sum(axis=1)
-    constants = surfaces.of(reduced, state.material, listed)
-    force = contact.normal_force(
+    constants = effective.of(reduced, state.material, listed)
+    force = normal.normal_force(
         found.deepest,
         jnp.asarray(-towards / np.where(distance > 0.0, distance, 1.0)),
         constants.modulus,

@@ -10,10 +10,10 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
-from mrjax import contact
 from mrjax.core.box import Box
+from mrjax.laws import normal
+from mrjax.laws.vectors import Vector
 from mrjax.neighbours import PAIRS_DROPPED, Neighbours
-from mrjax.vectors import Vector
 
 WALLS = 6
 """They have the ids from N on: those at the lower and upper end of x, then y, then z."""
@@ -90,7 +90,7 @@ def listed(
     for axis, end in walls:
         beyond = position[axis : axis + 1] - end * box.size[axis]
         # A centre on the wall is inside: the wall has a side where the distance has none.
-        inside = (-1.0 if end else 1.0) * contact.LEAST_DISTANCE * radius[None, :]
+        inside = (-1.0 if end else 1.0) * normal.LEAST_DISTANCE * radius[None, :]
         beyond = jnp.where(beyond == 0.0, inside, beyond)
         nothing = jnp.zeros_like(beyond)
         partners.append(jnp.full_like(ids, particles + 2 * axis + end))

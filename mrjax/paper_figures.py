@@ -11,9 +11,10 @@ import jax
 import numpy as np
 from matplotlib.figure import Figure
 
-from mrjax import drag, observe
+from mrjax import observe
 from mrjax.dropped import INFERRED_FRICTION
 from mrjax.figures import COLUMN, STYLE, particles
+from mrjax.laws import drag
 from mrjax.observe import Asymptotes
 from mrjax.reproduce import HABERMAN_SAYRE_EXACT, Row, Simulated
 from mrjax.sedimentation import Sedimentation, standard_error

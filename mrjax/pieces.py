@@ -24,8 +24,8 @@ from mrjax.core.run import Run
 from mrjax.core.state import State
 from mrjax.engine import Engine, Motion, Observed, Outcome
 from mrjax.failure import failure, refuse_deep_start
-from mrjax.hindrance import Hindrance
 from mrjax.history import Notes
+from mrjax.laws.hindrance import Hindrance
 from mrjax.scan import Setup, in_lab_units, reduced
 from mrjax.schedule import Schedule
 

@@ -22,12 +22,13 @@ from pydantic import (
     model_validator,
 )
 
-from mrjax import drag, sheets, sizes
+from mrjax import sheets, sizes
 from mrjax.core.box import AXES, Box
 from mrjax.core.errors import InputError, shown, shown_key
 from mrjax.core.numpy_evaluation import by_numpy
 from mrjax.core.parameters import Parameters
-from mrjax.hindrance import DENSEST, Hindrance
+from mrjax.laws import drag
+from mrjax.laws.hindrance import DENSEST, Hindrance
 from mrjax.sheets import Name, Sheet
 from mrjax.sizes import Sizes
 
@@ -399,7 +400,7 @@ class Recipe(Sheet):
     def closure(self) -> Partial | None:
         """f_w for volume fractions, with the coefficients of the sheet; None where f_w is a number.
 
-        A `jax.tree_util.Partial` of one of `mrjax.drag.CLOSURES`.
+        A `jax.tree_util.Partial` of one of `mrjax.laws.drag.CLOSURES`.
         """
         if isinstance(self.drag.f_w, float):
             return None

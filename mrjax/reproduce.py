@@ -15,9 +15,10 @@ from jax import Array
 from scipy.optimize import least_squares
 
 import mrjax
-from mrjax import Parameters, Recipe, Run, State, drag, particle, timestep
+from mrjax import Parameters, Recipe, Run, State
 from mrjax.core.units import MM_PER_DAY
 from mrjax.dropped import INFERRED_FRICTION, dropped
+from mrjax.laws import drag, particle, time_scales
 
 CASES = ("case1", "case2", "case3")
 RELAXATIONS = 20
@@ -161,7 +162,7 @@ def simulated_velocity(
     recipe: Recipe, parameters: Parameters, seed: int, time_step: float
 ) -> float:
     """Initial settling velocity of the recipe's particles, mm/day."""
-    relaxation = float(jnp.max(timestep.relaxation_time(parameters)))
+    relaxation = float(jnp.max(time_scales.relaxation_time(parameters)))
     run = mrjax.simulate(
         mrjax.disperse(recipe, seed),
         parameters,
@@ -242,17 +243,17 @@ def _table_2(case: str, recipe: Recipe, runs: Simulated) -> Iterator[Row]:
         "1",
         "input",
     )
-    contact = float(timestep.rayleigh_time(parameters))
-    rise = float(timestep.rise_time(parameters))
+    contact = float(time_scales.rayleigh_time(parameters))
+    rise = float(time_scales.rise_time(parameters))
     bound = min(contact, rise)
     step = PAPER_STEPS[case]
     yield row(
         case,
         "computation time step",
         printed("100.0", "0.1", "1.0"),
-        1e9 * float(timestep.time_step(parameters)),
+        1e9 * float(time_scales.time_step(parameters)),
         "ns",
-        f"Eq. 29 with h_t = {timestep.REFINEMENT:g}; t_c = {1e9 * contact:.4g} ns, t_r = "
+        f"Eq. 29 with h_t = {time_scales.REFINEMENT:g}; t_c = {1e9 * contact:.4g} ns, t_r = "
         f"{1e9 * rise:.4g} ns; "
         + printed(
             f"the printed step is {step / bound:.0f} t_c: contact was ignored",

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from mrjax import history, order, particle
+from mrjax import history, order
 from mrjax.core.box import Box
 from mrjax.core.parameters import Parameters, per_particle
 from mrjax.core.run import Fault, Run
@@ -20,8 +20,9 @@ from mrjax.core.state import State
 from mrjax.core.units import Units
 from mrjax.engine import Engine, Motion, Observed, Outcome
 from mrjax.forces import Laws
-from mrjax.hindrance import Hindrance
 from mrjax.history import Notes
+from mrjax.laws import particle
+from mrjax.laws.hindrance import Hindrance
 from mrjax.neighbours import Plan
 from mrjax.schedule import Schedule
 

@@ -9,14 +9,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jax.typing import ArrayLike
 
-from mrjax import neighbours, particle, timestep
+from mrjax import neighbours
 from mrjax.core.box import Box
 from mrjax.core.errors import InputError
 from mrjax.core.parameters import Parameters
 from mrjax.core.state import State
 from mrjax.core.tracing import where_known
+from mrjax.laws import particle, time_scales
+from mrjax.laws.time_scales import Mode
 from mrjax.neighbours import Plan
-from mrjax.timestep import Mode
 
 MOST_STEPS = 2**31 - 1
 MOST_STEPS_BETWEEN_REBUILDS = 128
@@ -150,7 +151,7 @@ def fastest(
 def _pull_and_relaxation(numbers: Parameters) -> tuple[ArrayLike, ArrayLike]:
     """Of every particle, m/s^2 and s."""
     pull = particle.net_weight(numbers) / particle.inertia(numbers)
-    return pull, timestep.relaxation_time(numbers)
+    return pull, time_scales.relaxation_time(numbers)
 
 
 def steps_within_skin(speed: float | None, time_step: float, skin: float) -> int:
@@ -165,7 +166,7 @@ def largest_stable_step(
     box: Box,
     diameter: float,
     speed: float | None,
-    arrangement: tuple[Mode, ...] = timestep.CLOSE_PACKED,
+    arrangement: tuple[Mode, ...] = time_scales.CLOSE_PACKED,
 ) -> float | None:
     """Largest step that survives the contacts to be expected, s; None where that is traced.
 
@@ -176,10 +177,10 @@ def largest_stable_step(
     if speed is None or weight is None:
         return None
     load = np.max(np.abs(weight) * max(1.0, box.height / diameter))
-    overlap = where_known(timestep.expected_overlap, numbers, load, 2.0 * speed)
+    overlap = where_known(time_scales.expected_overlap, numbers, load, 2.0 * speed)
 
     def limit(overlap: float) -> float | None:
-        step = where_known(timestep.largest_stable_step, numbers, overlap, arrangement)
+        step = where_known(time_scales.largest_stable_step, numbers, overlap, arrangement)
         return None if step is None else float(step)
 
     step = None if overlap is None else limit(float(overlap))

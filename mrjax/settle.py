@@ -22,7 +22,7 @@ from mrjax.core.parameters import Parameters
 from mrjax.core.run import Fault, Run
 from mrjax.core.state import State
 from mrjax.core.tracing import known
-from mrjax.hindrance import Hindrance, as_tree
+from mrjax.laws.hindrance import Hindrance, as_tree
 from mrjax.pieces import Pieces
 from mrjax.scan import Setup
 from mrjax.simulate import prepared

@@ -10,7 +10,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from mrjax import forces, particle, schedule, timestep
+from mrjax import forces, schedule
 from mrjax.core import checks
 from mrjax.core.box import Box
 from mrjax.core.errors import InputError
@@ -21,7 +21,8 @@ from mrjax.core.state import State
 from mrjax.core.tracing import concrete, known, plain, where_known
 from mrjax.failure import failure
 from mrjax.forces import Laws
-from mrjax.hindrance import BED, Hindrance, as_tree
+from mrjax.laws import particle, time_scales
+from mrjax.laws.hindrance import BED, Hindrance, as_tree
 from mrjax.pieces import Pieces
 from mrjax.scan import Setup, attempt
 from mrjax.watching import watched
@@ -67,7 +68,7 @@ def simulate(
         random close packing.
       hindrance: f_w for volume fractions, such as `recipe.hindrance` or
         `lambda phi: (1 - phi) ** -4.65`: each particle then feels that
-        of its own height (`mrjax.hindrance`) in place of the parameters' f_w.
+        of its own height (`mrjax.laws.hindrance`) in place of the parameters' f_w.
       trajectory: whether to record all positions, velocities and spins (`Run.trajectory`).
       progress: whether to show a progress bar, on standard error (plain calls).
 
@@ -183,8 +184,8 @@ def prepared(
             with jax.ensure_compile_time_eval():
                 in_bed = numbers.replace(f_w=known(hindrance)(BED))
         expected = in_bed, box, diameter, speed
-        largest = schedule.largest_stable_step(*expected, timestep.CLOSE_PACKED)
-        hopeless = schedule.largest_stable_step(*expected, timestep.TOUCHING_PAIR)
+        largest = schedule.largest_stable_step(*expected, time_scales.CLOSE_PACKED)
+        hopeless = schedule.largest_stable_step(*expected, time_scales.TOUCHING_PAIR)
     if time_step is None:
         # Eq. 29 knows nothing of dissipation, which may ask for less.
         limits = (_chosen_step(numbers, touch), largest)
@@ -222,9 +223,9 @@ def _chosen_step(numbers: Parameters, touch: bool) -> float | None:
       InputError: something can touch, and the parameters are traced.
     """
     if not touch:
-        rise = where_known(timestep.rise_time, numbers)
-        return None if rise is None else float(rise) / timestep.REFINEMENT
-    chosen = where_known(timestep.time_step, numbers)
+        rise = where_known(time_scales.rise_time, numbers)
+        return None if rise is None else float(rise) / time_scales.REFINEMENT
+    chosen = where_known(time_scales.time_step, numbers)
     if chosen is None:
         raise InputError(
             "the parameters are traced by jit or vmap, so simulate cannot choose a step; give "

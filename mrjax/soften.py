@@ -12,13 +12,13 @@ from functools import partial
 import jax.numpy as jnp
 from jax import Array
 
-from mrjax import drag, particle, timestep
 from mrjax.core import checks
 from mrjax.core.box import Box
 from mrjax.core.errors import InputError
 from mrjax.core.numpy_evaluation import by_numpy
 from mrjax.core.parameters import Parameters, per_particle
 from mrjax.core.tracing import known, where_known
+from mrjax.laws import drag, particle, time_scales
 from mrjax.overlap import MOST_OVERLAP
 
 FORCE_CHAINS = 4.5
@@ -92,7 +92,7 @@ def _factor(numbers: Parameters, box: Box, particles: int, overlap: float) -> Ar
 
 def _idle(numbers: Parameters, overlap: float) -> Array:
     """Whether all dashpots are lost beside the drag at this overlap, in contact radii; ()."""
-    dashpots = timestep.dashpots(numbers, overlap * jnp.max(particle.outer_radius(numbers)))
+    dashpots = time_scales.dashpots(numbers, overlap * jnp.max(particle.outer_radius(numbers)))
     return jnp.all(dashpots < IDLE * drag.coefficient(numbers))
 
 
@@ -107,4 +107,4 @@ def resting_overlap(numbers: Parameters, box: Box, particles: int) -> Array:
     # All that lies on an area as wide as the largest particle.
     above = pressing * (2.0 * jnp.max(radius)) ** 2 / (box.size[0] * box.size[1])
     load = FORCE_CHAINS * jnp.maximum(above, jnp.max(jnp.abs(weight)))
-    return timestep.expected_overlap(numbers, load, 0.0)
+    return time_scales.expected_overlap(numbers, load, 0.0)

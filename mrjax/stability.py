@@ -7,13 +7,13 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
-from mrjax import contact, friction
 from mrjax.core import randomness
+from mrjax.laws import normal, tangential
+from mrjax.laws.effective import Surfaces
+from mrjax.laws.vectors import cross, dot, plus, times
 from mrjax.leapfrog import Kick
 from mrjax.pairs import Pairs
 from mrjax.pairwise import pairwise
-from mrjax.surfaces import Surfaces
-from mrjax.vectors import cross, dot, plus, times
 
 ITERATIONS = 8
 MOST = 0.95
@@ -51,7 +51,7 @@ def swing(
 
         Q^1/2 (dt A + 2 C) Q^1/2,    Q = tanh(alpha dt / 2) / gamma of each particle or its spin,
 
-    is less than 2 (`timestep.largest_stable_step` for one contact). It is found by power
+    is less than 2 (`time_scales.largest_stable_step` for one contact). It is found by power
     iteration, which goes on from the mode that was fastest in the bed before and errs, by some
     per cent, towards stability. Contacts that slide count as if they held.
 
@@ -124,7 +124,7 @@ def _stiffnesses(
         )
         return jnp.where(touching, kept + 2.0 * damped, 0.0)
 
-    normal = of(contact, constants.modulus, constants.dissipation)
+    in_normal = of(normal, constants.modulus, constants.dissipation)
     if not sliding:
-        return normal, jnp.zeros_like(normal)
-    return normal, of(friction, constants.shear_modulus, constants.tangential_dissipation)
+        return in_normal, jnp.zeros_like(in_normal)
+    return in_normal, of(tangential, constants.shear_modulus, constants.tangential_dissipation)

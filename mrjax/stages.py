@@ -11,7 +11,7 @@ from mrjax.core.interruption import interruptible
 from mrjax.core.parameters import Parameters
 from mrjax.core.run import Run
 from mrjax.core.state import State
-from mrjax.hindrance import Hindrance, as_tree
+from mrjax.laws.hindrance import Hindrance, as_tree
 from mrjax.pieces import Pieces
 from mrjax.simulate import prepared
 from mrjax.watching import watched

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 import calibrate
 import mrjax
-from mrjax import theory
+from mrjax.laws import closed_forms
 
 MM_PER_DAY = 86400e3
 jax.config.update("jax_enable_x64", True)
@@ -48,7 +48,7 @@ def velocity(axes) -> None:
             mrjax.disperse(recipe, seed=0), parameters, recipe.box, duration=100e-9, frames=25
         )
         times = np.linspace(0, 100e-9, 200)
-        exact = theory.free_fall_velocity(parameters, times)
+        exact = closed_forms.free_fall_velocity(parameters, times)
         axes.plot(1e9 * times, MM_PER_DAY * np.asarray(exact), color="0.6")
         axes.plot(
             1e9 * np.asarray(run.times),

@@ -17,7 +17,7 @@ from calibrate.calibration import calibrated
 from calibrate.data import Measurement, Sample
 from calibrate.fitted import ParameterSheet, fitted
 from calibrate.suspension import Suspension, suspension
-from mrjax import drag
+from mrjax.laws import drag
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import mrjax
-from mrjax import contact, particle, theory
+from mrjax.laws import closed_forms, normal, particle
 
 DRY = dict(fluid_density=0.0, viscosity=0.0, gravity=0.0)
 
@@ -228,11 +228,11 @@ def test_energy_of_an_elastic_bounce_to_the_order_of_the_integrator():
     ).astype(float)
     mass, _ = masses(smooth)
     pair = (
-        float(contact.effective_modulus(1e7, 0.3, 1e7, 0.3)),
-        float(contact.harmonic(*smooth.radius)),
-        float(contact.harmonic(*mass)),
+        float(normal.effective_modulus(1e7, 0.3, 1e7, 0.3)),
+        float(normal.harmonic(*smooth.radius)),
+        float(normal.harmonic(*mass)),
     )
-    lasts = float(theory.hertz_duration(*pair, 1.0))
+    lasts = float(closed_forms.hertz_duration(*pair, 1.0))
 
     def error(steps, share):
         """Of the energy after a share of the contact, all of which takes `steps` steps."""

@@ -12,9 +12,10 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 import mrjax
-from mrjax import drag, kynch
+from mrjax import kynch
 from mrjax.column import column, column_steps
 from mrjax.compression import Compression
+from mrjax.laws import drag
 
 column_module = sys.modules["mrjax.column"]  # the package's name for it is the function
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad, solve_ivp
 
 import mrjax
-from mrjax import contact, theory
+from mrjax.laws import closed_forms, normal
 
 EXACT = 1e-13  # a handful of roundings in double precision
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12
@@ -34,16 +34,16 @@ def dry(material, **contact_parameters):
 
 
 def test_effective_modulus_and_radius():
-    assert contact.effective_modulus(48e9, 0.2, 48e9, 0.2) == near(25e9, rel=EXACT)
+    assert normal.effective_modulus(48e9, 0.2, 48e9, 0.2) == near(25e9, rel=EXACT)
     # (1 - 0.25) / 3 + (1 - 0.36) / 4 = 0.25 + 0.16
-    assert contact.effective_modulus(3.0, 0.5, 4.0, 0.6) == near(1 / 0.41, rel=EXACT)
-    assert contact.harmonic(2.0, 3.0) == near(1.2, rel=EXACT)
+    assert normal.effective_modulus(3.0, 0.5, 4.0, 0.6) == near(1 / 0.41, rel=EXACT)
+    assert normal.harmonic(2.0, 3.0) == near(1.2, rel=EXACT)
 
 
 def test_a_rigid_wall_leaves_the_particle_its_modulus():
     wall = jnp.asarray(jnp.inf)
-    assert contact.effective_modulus(48e9, 0.2, wall, 0.0) == near(50e9, rel=EXACT)
-    slopes = jax.grad(contact.effective_modulus, (0, 1, 2, 3))(48e9, 0.2, wall, 0.0)
+    assert normal.effective_modulus(48e9, 0.2, wall, 0.0) == near(50e9, rel=EXACT)
+    slopes = jax.grad(normal.effective_modulus, (0, 1, 2, 3))(48e9, 0.2, wall, 0.0)
     # E* = E / (1 - nu^2), whatever the wall: 1 / 0.96 and 2 * 0.2 * 48e9 / 0.96^2.
     expected = [1 / 0.96, 0.4 * 48e9 / 0.96**2, 0.0, 0.0]
     np.testing.assert_allclose(np.array(slopes), expected, rtol=EXACT)
@@ -51,23 +51,23 @@ def test_a_rigid_wall_leaves_the_particle_its_modulus():
 
 def test_hertz_force_and_its_stiffness():
     # 4/3 * 9 * sqrt(4) * 0.25^1.5 = 3 and 2 * 9 * sqrt(4 * 0.25) = 18.
-    assert theory.hertz_force(9.0, 4.0, 0.25) == near(3.0, rel=EXACT)
-    assert contact.stiffness(9.0, 4.0, 0.25) == near(18.0, rel=EXACT)
+    assert closed_forms.hertz_force(9.0, 4.0, 0.25) == near(3.0, rel=EXACT)
+    assert normal.stiffness(9.0, 4.0, 0.25) == near(18.0, rel=EXACT)
     overlap = jnp.array([1e-9, 1e-7, 1e-5, 1e-3]) * PAIR[1]
     force, slope = jax.vmap(
-        jax.value_and_grad(lambda overlap: contact.normal_force(overlap, 0.0, *PAIR))
+        jax.value_and_grad(lambda overlap: normal.normal_force(overlap, 0.0, *PAIR))
     )(overlap)
     # Rounding off takes 0.5e-14 R* / overlap of the force and as much of the slope: 5e-6 at 1e-9.
     for of, exact in (
         (force, HERTZ * overlap**1.5),
-        (slope, contact.stiffness(*PAIR[:2], overlap)),
+        (slope, normal.stiffness(*PAIR[:2], overlap)),
     ):
         np.testing.assert_array_less(np.abs(of / exact - 1), 0.5e-14 * PAIR[1] / overlap + EXACT)
 
 
 def test_rounding_off_is_as_small_as_stated():
     overlap = 1e-7 * PAIR[1]
-    change = 1.0 - float(contact.normal_force(overlap, 0.0, *PAIR)) / (HERTZ * overlap**1.5)
+    change = 1.0 - float(normal.normal_force(overlap, 0.0, *PAIR)) / (HERTZ * overlap**1.5)
     assert 0 < change < 5.0e-8
 
 
@@ -83,7 +83,7 @@ def test_never_tensile_and_dissipative(overlap, speed, dissipation, damping):
     overlap, speed = 1e-3 * PAIR[1] * overlap, 100.0 * speed
     arguments = (*PAIR, 1e-5 * dissipation, damping)
     approach, rest, separation = (
-        float(contact.normal_force(overlap, v, *arguments)) for v in (abs(speed), 0.0, -abs(speed))
+        float(normal.normal_force(overlap, v, *arguments)) for v in (abs(speed), 0.0, -abs(speed))
     )
     assert 0.0 <= separation <= rest <= approach
     if overlap <= 0.0:
@@ -96,9 +96,9 @@ def test_damped_forces():
     overlap, speed = 1e-4, 2.0
     elastic = HERTZ * overlap**1.5
     # Eq. 4 and Tsuji's damping. Rounding off takes 0.75e-14 R* / overlap: 4e-13.
-    by_a = contact.normal_force(overlap, speed, *PAIR, 1e-5)
+    by_a = normal.normal_force(overlap, speed, *PAIR, 1e-5)
     assert by_a == near(elastic * (1 + 1e-5 * speed / overlap), rel=1e-12)
-    by_damping = contact.normal_force(overlap, speed, *PAIR, 0.0, 0.3)
+    by_damping = normal.normal_force(overlap, speed, *PAIR, 0.0, 0.3)
     viscous = 0.3 * np.sqrt(5 * PAIR[2] * HERTZ) * overlap**0.25 * speed
     assert by_damping == near(elastic + viscous, rel=1e-12)
 
@@ -120,7 +120,7 @@ REDUCED = (1.0, 0.01, 2.0, 0.5, 2.0, 0.3)  # as within a run
 
 
 def force(point):
-    return contact.normal_force(*point)
+    return normal.normal_force(*point)
 
 
 @pytest.mark.parametrize("units, dtype", [(SI, float), (REDUCED, float), (REDUCED, jnp.float32)])
@@ -189,14 +189,14 @@ def rebound_by_damping(damping, speed):
         viscous = damping * np.sqrt(5 * PAIR[2] * HERTZ) * overlap**0.25 * closing
         return HERTZ * overlap**1.5 + viscous
 
-    return rebound(tsuji, speed, float(contact.impact_overlap(*PAIR, speed)))
+    return rebound(tsuji, speed, float(normal.impact_overlap(*PAIR, speed)))
 
 
 @pytest.mark.parametrize(
     "restitution", [0.1, 0.13, 0.14, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1]
 )
 def test_a_dry_impact_returns_the_restitution(restitution):
-    damping = float(contact.damping_ratio(float(restitution)))
+    damping = float(normal.damping_ratio(float(restitution)))
     for speed in (0.01, 1.0, 10.0):
         # The solver's tolerance, through the square-root end of the contact.
         assert rebound_by_damping(damping, speed) == near(restitution, rel=1e-4)
@@ -224,12 +224,12 @@ def test_damping_ratio_solves_its_equation():
             SEAM * np.array([0.9995, 1.0005]),
         ]
     )
-    z = np.asarray(contact.damping_ratio(jnp.asarray(e)))
+    z = np.asarray(normal.damping_ratio(jnp.asarray(e)))
     angle = np.where(z < 1, np.arccos(np.minimum(z, 1)), np.arccosh(np.maximum(z, 1)))
     # The reference loses digits near z = 1, 1e-3 away: 1e-16 / 1e-3.
     np.testing.assert_allclose(2 * z * angle / np.sqrt(np.abs(1 - z**2)), -np.log(e), rtol=1e-11)
-    assert contact.damping_ratio(1.0) == 0.0
-    assert contact.damping_ratio(SEAM) == near(1.0, rel=EXACT)
+    assert normal.damping_ratio(1.0) == 0.0
+    assert normal.damping_ratio(SEAM) == near(1.0, rel=EXACT)
 
 
 def test_derivatives_of_the_damping_ratio():
@@ -242,9 +242,9 @@ def test_derivatives_of_the_damping_ratio():
             1.0,
         ]
     )
-    value = jax.jit(jax.vmap(contact.damping_ratio))
-    slope = jax.jit(jax.vmap(jax.grad(contact.damping_ratio)))
-    curvature = jax.jit(jax.vmap(jax.jacfwd(jax.jacfwd(contact.damping_ratio))))
+    value = jax.jit(jax.vmap(normal.damping_ratio))
+    slope = jax.jit(jax.vmap(jax.grad(normal.damping_ratio)))
+    curvature = jax.jit(jax.vmap(jax.jacfwd(jax.jacfwd(normal.damping_ratio))))
     h = 1e-5 * e
     # h^2 times the third logarithmic derivative, about 10, and rounding over h: 1e-10.
     np.testing.assert_allclose(slope(e), (value(e + h) - value(e - h)) / (2 * h), rtol=1e-8)
@@ -273,13 +273,13 @@ def dissipation_at(scaled, speed):
 
 @pytest.mark.parametrize("restitution, scaled", RESTITUTION_OF_A.items())
 def test_restitution_of_the_papers_dissipation(restitution, scaled):
-    compiled = jax.jit(contact.normal_force)
+    compiled = jax.jit(normal.normal_force)
     dissipation = dissipation_at(scaled, 3.0)
 
     def law(overlap, closing):
         return float(compiled(overlap, closing, *PAIR, dissipation))
 
-    depth = float(contact.impact_overlap(*PAIR, 3.0))
+    depth = float(normal.impact_overlap(*PAIR, 3.0))
     # Five digits of A* give e within 5e-6 * de/dA*, at most 1.
     assert rebound(law, 3.0, depth) == pytest.approx(restitution, abs=1e-5)
 
@@ -336,14 +336,14 @@ def test_closed_forms_of_elastic_impacts():
         (PAIR, 20.0, 274.11e-6, 10.697e3, 40.34e-6),
         (WALL, 0.2, 49.72e-6, 11.370e3, 731.6e-6),
     ):
-        overlap = float(contact.impact_overlap(*contact_of, speed))
+        overlap = float(normal.impact_overlap(*contact_of, speed))
         assert overlap == near(depth, rel=1.1e-4)
-        assert theory.hertz_force(*contact_of[:2], overlap) == near(peak, rel=5e-5)
-        assert theory.hertz_duration(*contact_of, speed) == near(duration, rel=1.3e-4)
+        assert closed_forms.hertz_force(*contact_of[:2], overlap) == near(peak, rel=5e-5)
+        assert closed_forms.hertz_duration(*contact_of, speed) == near(duration, rel=1.3e-4)
     # The constant is given to six digits.
     factor, _ = quad(lambda s: 8 / 5 * np.sin(s) ** -0.2, 0, np.pi / 2)  # x^(5/2) = sin^2 s
-    assert theory.hertz_duration(*PAIR, 3.0) == near(
-        factor * float(contact.impact_overlap(*PAIR, 3.0)) / 3.0, rel=2e-6
+    assert closed_forms.hertz_duration(*PAIR, 3.0) == near(
+        factor * float(normal.impact_overlap(*PAIR, 3.0)) / 3.0, rel=2e-6
     )
 
 

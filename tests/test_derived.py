@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import mrjax
-from mrjax import derived, particle, validity
+from mrjax import derived
+from mrjax.laws import dimensionless, particle
 from mrjax.recipe import Recipe
 
 near = partial(pytest.approx, abs=0.0)
@@ -45,7 +46,7 @@ def spheres(diameter, viscosity=0.01):
 
 def test_numbers_are_those_of_their_definitions():
     fine = spheres(4e-6)
-    reynolds, stokes, peclet = validity.numbers(fine, 1e-6, temperature=300.0)
+    reynolds, stokes, peclet = dimensionless.numbers(fine, 1e-6, temperature=300.0)
     assert reynolds.value == near(950.0 * 1e-6 * 4e-6 / 0.01, rel=1e-12)
     response = float(particle.inertia(fine)) / (6 * 3.141592653589793 * 0.01 * 2e-6)
     assert stokes.value == near(response * 1e-6 / 2e-6, rel=1e-12)
@@ -65,7 +66,7 @@ def test_numbers_are_those_of_their_definitions():
 def test_warnings_where_the_model_ends(diameter, viscosity, warned):
     parameters = spheres(diameter, viscosity)
     velocity = mrjax.terminal_velocity(parameters)
-    found = validity.numbers(parameters, velocity)
+    found = dimensionless.numbers(parameters, velocity)
     assert {one.name for one in found if one.warning} == warned
     for one in found:
         if one.warning:
@@ -74,7 +75,7 @@ def test_warnings_where_the_model_ends(diameter, viscosity, warned):
 
 def test_the_worst_particle_of_many_counts():
     many = spheres(4e-6).replace(radius=np.array([2e-6, 0.1e-6, 0.5e-3]))
-    reynolds, stokes, peclet = validity.numbers(many, mrjax.terminal_velocity(many))
+    reynolds, stokes, peclet = dimensionless.numbers(many, mrjax.terminal_velocity(many))
     assert reynolds.warning and stokes.warning and peclet.warning
 
 
@@ -87,5 +88,5 @@ def test_contacts_too_viscous_for_any_step_are_refused(case2):
 
 
 def test_the_numbers_in_words_say_where_the_model_holds():
-    said = validity.in_words(validity.numbers(spheres(4e-6), 1e-7, temperature=300.0))
+    said = dimensionless.in_words(dimensionless.numbers(spheres(4e-6), 1e-7, temperature=300.0))
     assert said == "Reynolds 3.8e-08 (below 0.1), Stokes 3.5e-08 (below 1), Peclet 1e+03 (above 10)"

@@ -11,7 +11,7 @@ import pytest
 
 import calibrate
 import mrjax
-from mrjax import validity
+from mrjax.laws import dimensionless
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
@@ -72,7 +72,7 @@ def test_equations_and_functions_name_each_other():
 def test_every_number_with_a_bound_is_on_the_page_of_validity():
     page = (DOCS / "validity.md").read_text("utf-8")
     parameters = mrjax.Recipe.load("case2").parameters()
-    numbers = validity.numbers(parameters, mrjax.terminal_velocity(parameters))
+    numbers = dimensionless.numbers(parameters, mrjax.terminal_velocity(parameters))
     for one in numbers:
         [row] = [line for line in page.splitlines() if f"{one.name} number $" in line]
         assert one.holds in row

@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import curve_fit
 
-from mrjax import Parameters, drag
+from mrjax import Parameters
+from mrjax.laws import drag
 
 EXACT = 1e-13  # a handful of roundings in double precision
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12

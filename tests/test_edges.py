@@ -9,8 +9,9 @@ from pytest import approx as near
 
 import calibrate
 import mrjax
-from mrjax import hindrance, observe, particle, soften, theory, timestep
+from mrjax import observe, soften
 from mrjax.core.tracing import known, where_known
+from mrjax.laws import closed_forms, hindrance, particle, time_scales
 
 DRY = dict(
     particle_density=2500.0,
@@ -166,7 +167,7 @@ def test_the_settling_velocity_is_the_terminal_one_whatever_the_frames(density, 
     parameters = mrjax.Parameters(**WET, particle_density=density)
     start = mrjax.place([[2e-5] * 3, [1e-5] * 3])
     run = mrjax.simulate(start, parameters, mrjax.Box((4e-5,) * 3), duration=2e-5, frames=frames)
-    exact = float(theory.free_fall_velocity(parameters, 2e-5))
+    exact = float(closed_forms.free_fall_velocity(parameters, 2e-5))
     assert float(mrjax.settling_velocity(run)) == near(exact, rel=1e-6)
 
 
@@ -232,7 +233,7 @@ def test_the_gradient_of_a_rising_interface():
         )
         return run.mudline[-1]
 
-    speed = -float(theory.terminal_velocity(parameters))
+    speed = -float(closed_forms.terminal_velocity(parameters))
     assert float(mudline(1.0)) == near(1e-5 - 2e-6 + 0.995e-2 * speed, rel=1e-6)
     slope = float(jax.grad(mudline)(1.0))
     assert slope == near(-0.995e-2 * speed, rel=1e-6)
@@ -307,7 +308,7 @@ def test_what_hangs_on_a_traced_value_is_none():
     def looked(viscosity):
         numbers = known(mrjax.Parameters(**(WET | dict(viscosity=viscosity)), particle_density=1e3))
         seen.append(where_known(particle.outer_radius, numbers))
-        seen.append(where_known(timestep.rise_time, numbers))
+        seen.append(where_known(time_scales.rise_time, numbers))
         return viscosity
 
     jax.jit(looked)(1e-3)
@@ -364,7 +365,7 @@ def test_a_column_creams_in_the_mirror():
     np.testing.assert_array_equal(risen.volume_fraction, sunk.volume_fraction[:, ::-1])
     # Before it meets the bed the interface rises at the terminal velocity of its suspension.
     felt = light.replace(f_w=CREAM.hindrance(0.12))
-    exact = -float(theory.terminal_velocity(felt)) * TIMES[0]
+    exact = -float(closed_forms.terminal_velocity(felt)) * TIMES[0]
     assert float(risen.mudline[0]) == near(exact, rel=1e-6)
     slope = jax.jvp(lambda f_v: tube(light, f_v).mudline[0], (1.0,), (1.0,))[1]
     assert float(slope) == near(-exact, rel=1e-6)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import mrjax
-from mrjax import forces, history, particle, theory, timestep
+from mrjax import forces, history
+from mrjax.laws import closed_forms, particle, time_scales
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 
@@ -241,12 +242,12 @@ def test_a_lone_particle_never_outruns_the_walls():
 
 def test_where_nothing_can_touch_the_step_resolves_the_rise_alone(case2):
     state, parameters = mrjax.disperse(case2), case2.parameters()
-    rise = float(timestep.rise_time(parameters))
+    rise = float(time_scales.rise_time(parameters))
     run = mrjax.simulate(state, parameters, case2.box, duration=4 * rise, frames=4)
-    assert 0.9 * rise / timestep.REFINEMENT < run.time_step <= rise / timestep.REFINEMENT
+    assert 0.9 * rise / time_scales.REFINEMENT < run.time_step <= rise / time_scales.REFINEMENT
     assert run.time_step > 10 * mrjax.time_step(parameters)
     assert run.state.contacts is None
-    expected = theory.free_fall_velocity(parameters, run.times)
+    expected = closed_forms.free_fall_velocity(parameters, run.times)
     np.testing.assert_allclose(run.mean_velocity, expected, rtol=1e-9, atol=1e-20)
 
 

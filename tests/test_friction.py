@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jax import lax
 
-from mrjax import contact, friction
+from mrjax.laws import normal, tangential
 
 EXACT = 1e-13  # a handful of roundings in double precision
 near = partial(pytest.approx, rel=EXACT, abs=0.0)  # its own abs passes all within 1e-12
@@ -21,15 +21,15 @@ near = partial(pytest.approx, rel=EXACT, abs=0.0)  # its own abs passes all with
 
 def test_effective_shear_modulus():
     # 2 (2 - 0.5) (1 + 0.5) / 3 + 2 (2 - 0.25) (1 + 0.25) / 4 = 1.5 + 1.09375
-    assert friction.effective_shear_modulus(3.0, 0.5, 4.0, 0.25) == near(1 / 2.59375)
+    assert tangential.effective_shear_modulus(3.0, 0.5, 4.0, 0.25) == near(1 / 2.59375)
     # Like surfaces: G / (2 (2 - nu)), here of glass with G = 20 GPa.
-    assert friction.effective_shear_modulus(48e9, 0.2, 48e9, 0.2) == near(20e9 / 3.6)
+    assert tangential.effective_shear_modulus(48e9, 0.2, 48e9, 0.2) == near(20e9 / 3.6)
 
 
 def test_a_rigid_wall_leaves_the_particle_its_shear_modulus():
     at = (48e9, 0.2, jnp.asarray(jnp.inf), 0.0)
-    assert friction.effective_shear_modulus(*at) == near(20e9 / 1.8)
-    slopes = jax.grad(friction.effective_shear_modulus, (0, 1, 2, 3))(*at)
+    assert tangential.effective_shear_modulus(*at) == near(20e9 / 1.8)
+    slopes = jax.grad(tangential.effective_shear_modulus, (0, 1, 2, 3))(*at)
     # G* = E / (2 (2 - nu) (1 + nu)), whatever the wall.
     shape = 1.8 * 1.2
     expected = [0.5 / shape, -0.5 * 48e9 * (1 - 2 * 0.2) / shape**2, 0.0, 0.0]
@@ -40,15 +40,15 @@ def test_a_rigid_wall_leaves_the_particle_its_shear_modulus():
 def test_mindlins_ratio_of_the_stiffnesses(poisson):
     """K_t / K_n = 2 (1 - nu) / (2 - nu), whatever the overlap (Mindlin 1949)."""
     material = (7.0, poisson, 7.0, poisson)
-    tangential = friction.stiffness(friction.effective_shear_modulus(*material), 4.0, 0.3)
-    normal = contact.stiffness(contact.effective_modulus(*material), 4.0, 0.3)
-    assert tangential / normal == near(2 * (1 - poisson) / (2 - poisson))
+    in_plane = tangential.stiffness(tangential.effective_shear_modulus(*material), 4.0, 0.3)
+    in_normal = normal.stiffness(normal.effective_modulus(*material), 4.0, 0.3)
+    assert in_plane / in_normal == near(2 * (1 - poisson) / (2 - poisson))
 
 
 def test_stiffness_and_damping_coefficient():
-    assert friction.stiffness(3.0, 4.0, 0.25) == near(24.0)  # 8 * 3 * sqrt(4 * 0.25)
+    assert tangential.stiffness(3.0, 4.0, 0.25) == near(24.0)  # 8 * 3 * sqrt(4 * 0.25)
     # 24 * 0.5 + 0.1 sqrt(10/3 * 5 * 24) = 12 + 2
-    assert friction.damping_coefficient(3.0, 4.0, 5.0, 0.25, 0.5, 0.1) == near(14.0)
+    assert tangential.damping_coefficient(3.0, 4.0, 5.0, 0.25, 0.5, 0.1) == near(14.0)
 
 
 # --- the force and what is remembered -------------------------------------------------------------
@@ -63,7 +63,7 @@ ROUNDED = 4e-13
 @jax.jit
 def grip(stretch, slip, overlap=OVERLAP, normal_force=10.0, **changes):
     """Force and memory as arrays, (3,) each."""
-    force, kept = friction.tangential_force(
+    force, kept = tangential.tangential_force(
         tuple(jnp.asarray(stretch, float)),
         tuple(jnp.asarray(slip, float)),
         jnp.asarray(overlap, float),
@@ -130,7 +130,7 @@ def test_coulombs_limit_and_the_direction(stretch, slip, scale, overlap, push, m
     stretch, slip = scale * stretch, scale * slip
     damped = dict(dissipation=damping, damping=damping)
     force, kept = grip(stretch, slip, overlap, push, friction=mu, **damped)
-    limit, spring = mu * push, float(friction.stiffness(3.0, 4.0, overlap))
+    limit, spring = mu * push, float(tangential.stiffness(3.0, 4.0, overlap))
     more = 1 + ROUNDED + 2e-14 / overlap  # rounding off of the spring at small overlap
     assert length(force) <= limit * more
     assert spring * length(kept) <= limit * more
@@ -140,7 +140,7 @@ def test_coulombs_limit_and_the_direction(stretch, slip, scale, overlap, push, m
     if length(kept) < length(stretch) * (1 - 1e-12):
         assert spring * length(kept) == pytest.approx(limit, rel=1e-12 + 2e-14 / overlap, abs=0.0)
     # The force opposes what spring and dashpot bear.
-    coefficient = float(friction.damping_coefficient(3.0, 4.0, 5.0, overlap, damping, damping))
+    coefficient = float(tangential.damping_coefficient(3.0, 4.0, 5.0, overlap, damping, damping))
     borne = spring * kept + coefficient * slip
     assert force @ borne <= 0.0
     np.testing.assert_allclose(
@@ -195,12 +195,12 @@ def test_a_spring_that_has_yielded_grips_alike_compiled_and_not(before, dtype):
     overlap, push = random.uniform(0.01, 0.5, count), random.uniform(0.1, 10.0, count)
     direction = random.normal(size=(3, count))
     direction /= np.linalg.norm(direction, axis=0)
-    at_limit = PAIR["friction"] * push / np.asarray(friction.stiffness(3.0, 4.0, overlap))
+    at_limit = PAIR["friction"] * push / np.asarray(tangential.stiffness(3.0, 4.0, overlap))
     stretch, slip = 1.3 * at_limit * direction, random.normal(size=(3, count))
 
     def grips(stretch, slip, overlap, push):
         """Components of force and memory, apart as in a run: each is compiled for itself."""
-        force, kept = friction.tangential_force(stretch, slip, overlap, push, **PAIR)
+        force, kept = tangential.tangential_force(stretch, slip, overlap, push, **PAIR)
         return *force, *kept
 
     stretch, slip = (tuple(jnp.asarray(part, dtype) for part in of) for of in (stretch, slip))
@@ -275,10 +275,10 @@ def test_closed_cycles_dissipate(steps, size, damping):
 
 def law(point):
     """Normal and tangential law together, as in a run; force and memory, (6,)."""
-    closing, modulus, shear_modulus, radius, mass, mu, dissipation, tangential, damping = point[7:]
+    closing, modulus, shear_modulus, radius, mass, mu, dissipation, along, damping = point[7:]
     overlap = point[6]
-    push = contact.normal_force(overlap, closing, modulus, radius, mass, dissipation, damping)
-    force, kept = friction.tangential_force(
+    push = normal.normal_force(overlap, closing, modulus, radius, mass, dissipation, damping)
+    force, kept = tangential.tangential_force(
         tuple(point[:3]),
         tuple(point[3:6]),
         overlap,
@@ -287,7 +287,7 @@ def law(point):
         radius=radius,
         mass=mass,
         friction=mu,
-        dissipation=tangential,
+        dissipation=along,
         damping=damping,
     )
     return jnp.stack([*force, *kept])
@@ -389,7 +389,7 @@ def test_without_a_dashpot_the_shorter_program_is_the_same():
     def grips(point, damped):
         law = {**PAIR, "friction": point[8], "damped": damped}
         return jnp.stack(
-            sum(friction.tangential_force(point[:3], point[3:6], point[6], point[7], **law), ())
+            sum(tangential.tangential_force(point[:3], point[3:6], point[6], point[7], **law), ())
         )
 
     kinds = product((0.0, 1e-4, 0.1, 1.0), (0.0, 1.0), (-0.3, 0.0, 0.25), (0.0, 10.0), (0.0, 0.5))

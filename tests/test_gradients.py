@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import mrjax
-from mrjax import timestep
+from mrjax.laws import time_scales
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 
@@ -54,7 +54,7 @@ def velocity(request):
     recipe = mrjax.Recipe.load(request.param)
     # Nothing touches: friction would only be compiled.
     state, parameters = mrjax.disperse(recipe), recipe.parameters().replace(friction=0.0)
-    step = float(timestep.relaxation_time(parameters))
+    step = float(time_scales.relaxation_time(parameters))
     values = jnp.array([getattr(parameters, name) for name in LEAVES])
 
     @jax.jit
@@ -90,7 +90,7 @@ def test_plain_calls_are_differentiable_with_the_step_they_choose(case3):
     """Concrete values: simulate chooses its step, and grad and jvp see the same velocity."""
     state = mrjax.place([[10e-6, 10e-6, 20e-6], [16e-6, 10e-6, 20e-6]])
     parameters = case3.parameters()
-    duration = 20 * float(timestep.relaxation_time(parameters))
+    duration = 20 * float(time_scales.relaxation_time(parameters))
 
     def velocity(f_w):
         run = mrjax.simulate(state, parameters.replace(f_w=f_w), case3.box, duration=duration)
@@ -180,7 +180,7 @@ def test_gradient_through_an_elastic_collision_equals_central_differences():
 def test_one_value_for_each_particle_has_a_gradient_of_its_own(case3):
     """v is the mean of N terminal velocities: d v / d ln f_w of one particle is -v / N."""
     state, parameters = mrjax.disperse(case3), case3.parameters().replace(friction=0.0)
-    step = float(timestep.relaxation_time(parameters))
+    step = float(time_scales.relaxation_time(parameters))
     ones = jnp.ones(state.particles)
 
     def velocity(logs):

@@ -9,8 +9,8 @@ import pytest
 from jax.tree_util import Partial
 
 import mrjax
-from mrjax import drag, hindrance
 from mrjax.identity import identity
+from mrjax.laws import drag, hindrance
 
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12
 EXACT = 1e-12  # sums of some hundred terms

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 import mrjax
-from mrjax import leapfrog, particle
+from mrjax import leapfrog
+from mrjax.laws import particle
 from mrjax.leapfrog import SERIES_BELOW, Kick, mean_decay
 
 EXACT = 1e-13  # a handful of roundings in double precision

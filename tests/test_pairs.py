@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 import mrjax
-from mrjax import Box, contact, forces, neighbours, pairs
+from mrjax import Box, forces, neighbours, pairs
+from mrjax.laws import normal
 from mrjax.neighbours import CELLS_OVERFULL, PAIRS_DROPPED, Plan
 from mrjax.pairs import Pairs
 
@@ -61,7 +62,7 @@ def every_surface(box: Box, position: np.ndarray, radius: np.ndarray) -> dict:
             vector = np.zeros(3)
             vector[axis] = position[one, axis] - end * box.size[axis]
             if vector[axis] == 0.0:  # on the wall: just inside
-                vector[axis] = (-1.0 if end else 1.0) * contact.LEAST_DISTANCE * radius[one]
+                vector[axis] = (-1.0 if end else 1.0) * normal.LEAST_DISTANCE * radius[one]
             found[one, count + 2 * axis + end] = vector, abs(vector[axis]) - radius[one]
     return found
 

@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from mrjax import Parameters, particle
+from mrjax import Parameters
+from mrjax.laws import particle
 
 EXACT = 1e-13  # a handful of roundings in double precision
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12

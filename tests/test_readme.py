@@ -7,7 +7,8 @@ import jax
 import pytest
 
 import mrjax
-from mrjax import drag, reproduce
+from mrjax import reproduce
+from mrjax.laws import drag
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from jax import lax
 
 import mrjax
-from mrjax import contact, particle, rolling
+from mrjax.laws import normal, particle, rolling
 
 EXACT = 1e-13  # a handful of roundings in double precision
 near = partial(pytest.approx, rel=EXACT, abs=0.0)  # its own abs passes all within 1e-12
@@ -191,7 +191,7 @@ def test_hysteresis_of_a_rolling_cycle():
 def law(point):
     """Normal and rolling law together, as in a run; torque and memory, (6,)."""
     overlap, closing, modulus, radius, mass, inertia, mu, dissipation, restored, damping = point[6:]
-    push = contact.normal_force(overlap, closing, modulus, radius, mass, dissipation, restored)
+    push = normal.normal_force(overlap, closing, modulus, radius, mass, dissipation, restored)
     torque, kept = rolling.rolling_torque(
         tuple(point[:3]),
         tuple(point[3:6]),

@@ -105,7 +105,7 @@ def test_a_bed_at_rest_carries_its_weight(walled, first, smooth):
     """Contact forces add up to the weight of each particle, but for what still moves."""
     for run, parameters in ((first, walled[0]), (smooth[2], smooth[0])):
         force, _ = mrjax.contact_forces(run.state, parameters, run.box)
-        weight = float(mrjax.particle.net_weight(parameters))
+        weight = float(mrjax.laws.particle.net_weight(parameters))
         lift = np.asarray(force)[:, 2] / weight
         assert lift.mean() == near(1.0, abs=REST)  # drag bears what is not borne: 1e-3 of it
         assert np.abs(lift - 1.0).max() < 20 * REST

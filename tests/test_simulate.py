@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import mrjax
-from mrjax import timestep
+from mrjax.laws import time_scales
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 
@@ -16,7 +16,7 @@ MM_PER_DAY = 86400e3
 
 
 def relaxation(parameters) -> float:
-    return float(timestep.relaxation_time(parameters))
+    return float(time_scales.relaxation_time(parameters))
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +124,7 @@ def test_particles_of_different_size_each_fall_at_their_own_speed():
         poisson_ratio=0.3,
     )
     state = mrjax.place([[10e-6, 10e-6, 20e-6], [10e-6, 20e-6, 20e-6], [20e-6, 10e-6, 20e-6]])
-    slowest = float(timestep.relaxation_time(parameters).max())
+    slowest = float(time_scales.relaxation_time(parameters).max())
     run = mrjax.simulate(
         state, parameters, mrjax.Box((30e-6,) * 3), duration=30 * slowest, time_step=slowest
     )

@@ -8,7 +8,8 @@ from scipy.integrate import quad
 from scipy.stats import lognorm
 
 import mrjax
-from mrjax import particle, sizes
+from mrjax import sizes
+from mrjax.laws import particle
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 

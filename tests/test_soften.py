@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import mrjax
-from mrjax import drag, particle, soften, timestep
+from mrjax import soften
+from mrjax.laws import drag, particle, time_scales
 
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12
 EXACT = 1e-12  # some ten roundings, powers of 3/2 among them
@@ -52,7 +53,7 @@ def test_one_particle_bears_at_least_itself(case2):
     wide = mrjax.Box((1e-3, 1e-3, 50e-6))
     parameters = case2.parameters()
     expected = soften.resting_overlap(parameters, wide, 1)
-    of_one = timestep.expected_overlap(
+    of_one = time_scales.expected_overlap(
         parameters, soften.FORCE_CHAINS * particle.net_weight(parameters), 0.0
     )
     assert expected == near(float(of_one), rel=EXACT)
@@ -96,7 +97,7 @@ def test_dashpots_stay_where_drag_does_not_outweigh_them(case2):
     _, soft = softened(case2, 0.05)
     elastic = dict(restitution=jnp.asarray(1.0))
     trial = soft.replace(dissipation=jnp.asarray(1.0))
-    per_second = float(timestep.dashpots(trial, 0.05 * 2e-6))
+    per_second = float(time_scales.dashpots(trial, 0.05 * 2e-6))
     border = 1e-3 * float(drag.coefficient(soft)) / per_second
     assert not kept(dissipation=jnp.asarray(0.99 * border), **elastic)
     assert kept(dissipation=jnp.asarray(1.01 * border), **elastic)

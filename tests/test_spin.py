@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import quad
 
 import mrjax
-from mrjax import drag, particle
+from mrjax.laws import drag, particle
 
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12
 

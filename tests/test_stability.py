@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import mrjax
-from mrjax import leapfrog, neighbours, pairs, particle, stability, surfaces
+from mrjax import leapfrog, neighbours, pairs, stability
 from mrjax.core.units import Units
+from mrjax.laws import effective, particle
 
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12
 EXACT = 1e-12  # some ten roundings of numbers of order one
@@ -65,7 +66,7 @@ def _listed(position, radius, skin, *, plan, box):
 @partial(jax.jit, static_argnames=("sliding", "calls"))
 def found_by_iteration(listed, overlap, radius, parameters, *, sliding, calls):
     """Rates of `calls` beds in a row, all the same; (calls,)."""
-    constants = surfaces.of(parameters, None, listed)
+    constants = effective.of(parameters, None, listed)
     kicks = leapfrog.kick(parameters, 1.0), leapfrog.spin_kick(parameters, 1.0)
 
     def again(swing, _):

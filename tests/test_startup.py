@@ -15,8 +15,9 @@ import pytest
 
 import calibrate
 import mrjax
-from mrjax import contact, drag, soften, timestep
+from mrjax import soften
 from mrjax.core.numpy_evaluation import by_numpy
+from mrjax.laws import drag, normal, time_scales
 
 ENDING = """
 import json, sys
@@ -181,11 +182,11 @@ def test_numbers_by_numpy_are_those_of_jax(dtype):
     many = parameters.replace(radius=jnp.asarray(radius))
     overlap = dtype(1e-8)
     for law, *arguments in (
-        (contact.damping_ratio, parameters.restitution),  # a loop
+        (normal.damping_ratio, parameters.restitution),  # a loop
         (drag.coefficient, many),
         (mrjax.terminal_velocity, many),
-        (timestep.largest_stable_step, many, overlap),
-        (timestep.time_step, parameters),
+        (time_scales.largest_stable_step, many, overlap),
+        (time_scales.time_step, parameters),
         (lambda parameters: soften.resting_overlap(parameters, mrjax.Box((1e-5,) * 3), 7), many),
         (drag.son2018, dtype(0.3)),
         (drag.haberman_sayre, dtype(0.3)),

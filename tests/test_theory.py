@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import mrjax
-from mrjax import drag, particle, theory, timestep
+from mrjax.laws import closed_forms, drag, particle, time_scales
 
 EXACT = 1e-13  # a handful of roundings in double precision
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12
@@ -101,9 +101,9 @@ def test_free_fall_solves_the_equation_of_motion(case):
             rtol=1e-11,
             atol=1e-13 * final,
         )
-        found = theory.free_fall_velocity(parameters, jnp.asarray(times), start)
+        found = closed_forms.free_fall_velocity(parameters, jnp.asarray(times), start)
         np.testing.assert_allclose(found, path.y[0], rtol=1e-8)  # the solver's, over 30 e-folds
-    rise = theory.free_fall_velocity(parameters, timestep.rise_time(parameters))
+    rise = closed_forms.free_fall_velocity(parameters, time_scales.rise_time(parameters))
     assert float(rise) == near(0.99 * final, rel=EXACT)
 
 
@@ -115,32 +115,32 @@ def test_free_fall_without_drag(case3):
     still = case3.parameters().replace(viscosity=jnp.asarray(0.0))
     time, start = 1e-3, 0.2
     inertia, weight = float(particle.inertia(still)), float(particle.net_weight(still))
-    velocity, gradient = jax.value_and_grad(theory.free_fall_velocity)(still, time, start)
+    velocity, gradient = jax.value_and_grad(closed_forms.free_fall_velocity)(still, time, start)
     assert float(velocity) == near(start + weight / inertia * time, rel=EXACT)
     for leaf in LEAVES:
         assert jnp.isfinite(getattr(gradient, leaf)), leaf
     per_viscosity = float(drag.coefficient(case3.parameters())) / 0.01 / inertia
     expected = -per_viscosity * (start * time + 0.5 * weight / inertia * time**2)
     assert float(gradient.viscosity) == near(expected, rel=1e-12)
-    assert theory.terminal_velocity(still) == jnp.inf
+    assert closed_forms.terminal_velocity(still) == jnp.inf
 
 
 def test_weightless(case3):
     floating = case3.parameters().replace(gravity=jnp.asarray(0.0))
-    for law in (mrjax.terminal_velocity, lambda p: theory.free_fall_velocity(p, 1e-8)):
+    for law in (mrjax.terminal_velocity, lambda p: closed_forms.free_fall_velocity(p, 1e-8)):
         velocity, gradient = jax.value_and_grad(law)(floating)
         assert velocity == 0.0
         assert all(jnp.isfinite(getattr(gradient, leaf)) for leaf in LEAVES)
         assert gradient.gravity > 0.0
-    relaxation = float(timestep.relaxation_time(floating))
-    thrown = theory.free_fall_velocity(floating, 2 * relaxation, 0.5)
+    relaxation = float(time_scales.relaxation_time(floating))
+    thrown = closed_forms.free_fall_velocity(floating, 2 * relaxation, 0.5)
     assert float(thrown) == near(0.5 * np.exp(-2), rel=EXACT)
 
 
 def test_neither_weight_nor_drag(case3):
     zero = jnp.asarray(0.0)
     parameters = case3.parameters().replace(gravity=zero, viscosity=zero, fluid_density=zero)
-    velocity, gradient = jax.value_and_grad(theory.free_fall_velocity)(parameters, 1.0, 0.3)
+    velocity, gradient = jax.value_and_grad(closed_forms.free_fall_velocity)(parameters, 1.0, 0.3)
     assert velocity == 0.3
     assert all(jnp.isfinite(getattr(gradient, leaf)) for leaf in LEAVES)
 
@@ -155,7 +155,7 @@ def test_plain_numbers_without_drag():
         poisson_ratio=0.3,
     )
     assert mrjax.terminal_velocity(ball) == jnp.inf
-    assert float(theory.free_fall_velocity(ball, 2.0, 1.0)) == near(20.62, rel=EXACT)
+    assert float(closed_forms.free_fall_velocity(ball, 2.0, 1.0)) == near(20.62, rel=EXACT)
 
 
 def test_one_value_for_each_particle(case2):
@@ -163,5 +163,5 @@ def test_one_value_for_each_particle(case2):
     many = parameters.replace(radius=jnp.array([1e-6, 2e-6, 4e-6]))
     velocity = mrjax.terminal_velocity(many) / mrjax.terminal_velocity(parameters)
     np.testing.assert_allclose(velocity, [0.25, 1.0, 4.0], rtol=EXACT)
-    settled = theory.free_fall_velocity(many, 1e-3)
+    settled = closed_forms.free_fall_velocity(many, 1e-3)
     np.testing.assert_allclose(settled, mrjax.terminal_velocity(many), rtol=EXACT)

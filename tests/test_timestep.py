@@ -9,7 +9,8 @@ import pytest
 from scipy.optimize import brentq
 
 import mrjax
-from mrjax import contact, drag, leapfrog, particle, timestep
+from mrjax import leapfrog
+from mrjax.laws import drag, normal, particle, time_scales
 
 EXACT = 1e-13  # a handful of roundings in double precision
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12
@@ -20,11 +21,11 @@ def test_rayleigh_times(case):
     # Iron, and the guar coating of 3120 MPa, where the paper's table prints GPa.
     expected = {"case1": 2.064e-9, "case2": 2.064e-9, "case3": 16.26e-9}[case.name]
     parameters = case.parameters()
-    assert timestep.rayleigh_time(parameters) == near(expected, rel=3e-4)  # as printed
+    assert time_scales.rayleigh_time(parameters) == near(expected, rel=3e-4)  # as printed
     # The least of all particles.
     mixed = parameters.replace(radius=parameters.radius * jnp.array([3.0, 1.0, 2.0]))
-    least = float(timestep.rayleigh_time(parameters))
-    assert timestep.rayleigh_time(mixed) == near(least, rel=EXACT)
+    least = float(time_scales.rayleigh_time(parameters))
+    assert time_scales.rayleigh_time(mixed) == near(least, rel=EXACT)
 
 
 def test_rayleigh_time_by_hand():
@@ -32,7 +33,7 @@ def test_rayleigh_time_by_hand():
     parameters = mrjax.Parameters(
         radius=3.0, particle_density=4.0, elastic_modulus=2.5, poisson_ratio=0.25, **DRY
     ).astype(float)
-    assert timestep.rayleigh_time(parameters) == near(6 * np.pi / 0.917375, rel=EXACT)
+    assert time_scales.rayleigh_time(parameters) == near(6 * np.pi / 0.917375, rel=EXACT)
 
 
 def test_rise_times(case):
@@ -41,15 +42,15 @@ def test_rise_times(case):
         case.name
     ]
     parameters = case.parameters().replace(f_w=jnp.asarray(f_w))
-    assert timestep.rise_time(parameters) == near(expected, rel=1.7e-3)
+    assert time_scales.rise_time(parameters) == near(expected, rel=1.7e-3)
     # 99 % of the way: exp(-alpha t_r) = 0.01.
-    decay = timestep.rise_time(parameters) / timestep.relaxation_time(parameters)
+    decay = time_scales.rise_time(parameters) / time_scales.relaxation_time(parameters)
     assert jnp.exp(-decay) == near(0.01, rel=EXACT)
 
 
 def test_the_step_is_the_shorter_time_over_the_refinement(case3):
     parameters = case3.parameters()
-    rayleigh, rise = timestep.rayleigh_time(parameters), timestep.rise_time(parameters)
+    rayleigh, rise = time_scales.rayleigh_time(parameters), time_scales.rise_time(parameters)
     assert rayleigh < rise
     assert mrjax.time_step(parameters) == near(float(rayleigh) / 20, rel=EXACT)
     assert mrjax.time_step(parameters, 16.3) == near(1.0e-9, rel=5e-3)  # Table 2
@@ -64,9 +65,9 @@ def test_without_drag_contact_alone_decides(leaves):
         radius=1e-3, particle_density=2500.0, elastic_modulus=1e9, poisson_ratio=0.25, **DRY
     )
     dry = dry.astype(leaves) if leaves else dry
-    assert timestep.relaxation_time(dry) == jnp.inf
-    assert timestep.rise_time(dry) == jnp.inf
-    assert mrjax.time_step(dry) == timestep.rayleigh_time(dry) / 20 < 1.0
+    assert time_scales.relaxation_time(dry) == jnp.inf
+    assert time_scales.rise_time(dry) == jnp.inf
+    assert mrjax.time_step(dry) == time_scales.rayleigh_time(dry) / 20 < 1.0
 
 
 def test_expected_overlap():
@@ -75,13 +76,13 @@ def test_expected_overlap():
     ).astype(float)
     mass = float(particle.mass(parameters))
     # On a rigid wall E* = E and R* = R: 4/3 E* sqrt(R*) d^1.5 carries the load.
-    resting = float(timestep.expected_overlap(parameters, 0.01, 0.0))
+    resting = float(time_scales.expected_overlap(parameters, 0.01, 0.0))
     assert 4 / 3 * 1e7 * np.sqrt(1e-3) * resting**1.5 == near(0.01, rel=EXACT)
-    impact = contact.impact_overlap(1e7, 1e-3, mass, 2.0)
-    assert timestep.expected_overlap(parameters, 0.0, 2.0) == near(float(impact))
+    impact = normal.impact_overlap(1e7, 1e-3, mass, 2.0)
+    assert time_scales.expected_overlap(parameters, 0.0, 2.0) == near(float(impact))
     assert impact > resting
-    assert timestep.expected_overlap(parameters, 0.01, 2.0) == near(float(impact))
-    assert timestep.largest_stable_step(parameters, 0.0) == jnp.inf
+    assert time_scales.expected_overlap(parameters, 0.01, 2.0) == near(float(impact))
+    assert time_scales.largest_stable_step(parameters, 0.0) == jnp.inf
 
 
 # --- stability of a resting contact -----------------------------------------------------------
@@ -110,7 +111,7 @@ def stability_limit(damping):
     return brentq(lambda dt: dt / damping * np.tanh(damping * dt / 2) - 2, 1e-3, 1e5, rtol=1e-12)
 
 
-ONE = timestep.Mode(1.0, 0.0, 0.0)
+ONE = time_scales.Mode(1.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("regime", REGIMES)
@@ -137,12 +138,12 @@ def test_the_limit_is_where_the_leapfrog_becomes_unstable(regime):
 def test_the_largest_step_keeps_within_the_limit():
     for damping in (0.0, *np.geomspace(1e-4, 1e4, 33)):
         parameters, overlap = resting(damping)
-        largest = float(timestep.largest_stable_step(parameters, overlap, arrangement=(ONE,)))
+        largest = float(time_scales.largest_stable_step(parameters, overlap, arrangement=(ONE,)))
         exact = stability_limit(damping)
         # max(2 sqrt(m/K), 2 gamma/K), at worst where both are equal: 2 of 2.4.
         assert 0.83 * exact < largest <= exact * (1 + 1e-12)
-    stiffer = timestep.largest_stable_step(
-        *resting(0.0), arrangement=(timestep.Mode(4.0, 0.0, 0.0),)
+    stiffer = time_scales.largest_stable_step(
+        *resting(0.0), arrangement=(time_scales.Mode(4.0, 0.0, 0.0),)
     )
     assert stiffer == near(1.0, rel=EXACT)
 
@@ -156,7 +157,7 @@ OVERDAMPED = mrjax.Parameters(**PARTICLE, fluid_density=1000.0, viscosity=1e3).a
 
 
 def settled(parameters):
-    modulus = contact.effective_modulus(1e7, 0.25, jnp.inf, 0.0)
+    modulus = normal.effective_modulus(1e7, 0.25, jnp.inf, 0.0)
     weight = particle.net_weight(parameters)
     overlap = float((3 * weight / (4 * modulus * jnp.sqrt(1e-3))) ** (2 / 3))
     return mrjax.place([[3e-3, 3e-3, 1e-3 - overlap]])
@@ -193,7 +194,7 @@ def test_an_unstable_step_is_refused_and_the_named_one_holds(state, parameters, 
     fall = np.sqrt(float(jnp.max(state.velocity**2)) + 2 * 9.81 * 1e-5)
     assert jnp.abs(run.state.velocity).max() < 1.1 * fall
     mass = float(particle.mass(parameters))
-    deepest = timestep.expected_overlap(parameters, 2.5 * mass * 9.81, 1.1 * fall)
+    deepest = time_scales.expected_overlap(parameters, 2.5 * mass * 9.81, 1.1 * fall)
     assert 0 < run.deepest_overlap * 1e-3 < deepest
 
 
@@ -212,7 +213,7 @@ def test_a_fall_without_contact_takes_any_step():
     state = mrjax.place([[3e-3, 3e-3, 3e-3]])
     run = mrjax.simulate(state, OVERDAMPED, BOX, duration=200.0, time_step=50.0)
     assert run.steps == 4
-    assert run.time_step > 1e3 * timestep.largest_stable_step(OVERDAMPED, 1e-6)
+    assert run.time_step > 1e3 * time_scales.largest_stable_step(OVERDAMPED, 1e-6)
     fallen = 3e-3 - float(run.state.position[0, 2])
     # All but the first instant, 4 us of relaxation, and half of one step by the leapfrog's start.
     final = float(mrjax.terminal_velocity(OVERDAMPED))
@@ -231,7 +232,7 @@ def test_tables_and_values_for_each_particle_count_in_the_stable_step():
     damped = DRY_FALL.replace(elastic_modulus=DRY_FALL.elastic_modulus * jnp.array([1.0, 4.0]))
     table = jnp.array([[0.9, 0.3], [0.3, 0.01]])
     of_table, of_worst, of_mild = (
-        float(timestep.largest_stable_step(damped.replace(restitution=e), 1e-5))
+        float(time_scales.largest_stable_step(damped.replace(restitution=e), 1e-5))
         for e in (table, 0.3, 0.9)
     )
     assert of_table == near(of_worst, rel=1e-12)
@@ -242,7 +243,7 @@ def test_friction_asks_for_shorter_steps():
     """A pair that slides swings sqrt(7 K_t / 2 K_n) times as fast as one that bounces."""
     rough = DRY_FALL.replace(friction=jnp.asarray(0.3))
     smooth, gripping = (
-        float(timestep.largest_stable_step(of, 1e-5, timestep.TOUCHING_PAIR))
+        float(time_scales.largest_stable_step(of, 1e-5, time_scales.TOUCHING_PAIR))
         for of in (DRY_FALL, rough)
     )
     # Of the stiffest contact, that with the rigid wall; K_t / K_n = 2 (1 - nu) / (2 - nu).

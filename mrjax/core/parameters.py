@@ -146,14 +146,14 @@ class Parameters:
     )
     rolling_friction: ArrayLike = _quantity(
         "1",
-        "mu_r of |M_r| <= mu_r R* F_n (mrjax.rolling); 0 for perfect spheres.",
+        "mu_r of |M_r| <= mu_r R* F_n (mrjax.laws.rolling); 0 for perfect spheres.",
         default=0.0,
         least=0.0,
         pair=True,
     )
     rolling_damping: ArrayLike = _quantity(
         "1",
-        "h_r, fraction of critical damping of rolling (mrjax.rolling); idle where mu_r = 0.",
+        "h_r, fraction of critical damping of rolling (mrjax.laws.rolling); idle where mu_r = 0.",
         default=0.0,
         least=0.0,
         pair=True,

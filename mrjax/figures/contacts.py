@@ -6,13 +6,13 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle
 from matplotlib.ticker import EngFormatter
 
-from mrjax import particle
 from mrjax.core.box import Box
 from mrjax.core.errors import InputError
 from mrjax.core.parameters import Parameters, per_particle
 from mrjax.core.state import State
 from mrjax.figures import spheres
 from mrjax.figures.style import COLUMN, STYLE
+from mrjax.laws import particle
 from mrjax.loads import Touching, normal_forces
 
 THICKEST = 3.5

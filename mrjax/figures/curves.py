@@ -5,12 +5,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 
-from mrjax import observe, theory
+from mrjax import observe
 from mrjax.concentration import concentration
 from mrjax.core.parameters import Parameters
 from mrjax.core.run import Run
 from mrjax.core.units import MM_PER_DAY
 from mrjax.figures.style import PAGE, STYLE, interface
+from mrjax.laws import closed_forms
 from mrjax.sedimentation import Sedimentation
 
 
@@ -29,7 +30,7 @@ def settling(run: Run, parameters: Parameters) -> Figure:
     smooth = np.linspace(0.0, times[-1], 200)
     velocity.plot(
         smooth,
-        MM_PER_DAY * np.mean(theory.free_fall_velocity(parameters, smooth[:, None]), axis=1),
+        MM_PER_DAY * np.mean(closed_forms.free_fall_velocity(parameters, smooth[:, None]), axis=1),
         color="0.6",
         label="Eq. 27, same factors",
     )

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 import mrjax
-from mrjax import drag, particle
 from mrjax.core.box import Box
+from mrjax.laws import drag, particle
 
 from . import liggghts, process, states, timing
 from .process import Process

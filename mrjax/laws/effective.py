@@ -7,8 +7,8 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from mrjax import contact, friction, particle, rolling
 from mrjax.core.parameters import Parameters
+from mrjax.laws import normal, particle, rolling, tangential
 from mrjax.pairs import Pairs
 
 
@@ -21,7 +21,7 @@ class Surfaces(NamedTuple):
     mass: Array  # m*, kg
     rolling_inertia: Array  # I_r, kg m^2
     friction: Array  # mu
-    damping: Array  # z of `contact.damping_ratio`
+    damping: Array  # z of `normal.damping_ratio`
     dissipation: Array  # A, s
     tangential_dissipation: Array  # B, s
     rolling_friction: Array  # mu_r
@@ -70,7 +70,7 @@ def _between(
 
     def combined(leaf: Array) -> Array:
         mine, theirs = sides(leaf)
-        between = contact.harmonic(mine, theirs)
+        between = normal.harmonic(mine, theirs)
         return between if wall is None else jnp.where(wall, mine, between)
 
     def table(leaf: Array) -> Array:
@@ -90,13 +90,13 @@ def _between(
     moment, mass = particle.moment_of_inertia(parameters), particle.inertia(parameters)
     radius = particle.outer_radius(parameters)
     return Surfaces(
-        contact.effective_modulus(*materials),
-        friction.effective_shear_modulus(*materials),
+        normal.effective_modulus(*materials),
+        tangential.effective_shear_modulus(*materials),
         combined(radius),
         combined(mass),
         combined(rolling.about_contact(moment, mass, radius)),
         table(parameters.friction),
-        table(contact.damping_ratio(parameters.restitution)),
+        table(normal.damping_ratio(parameters.restitution)),
         table(parameters.dissipation),
         table(parameters.tangential_dissipation),
         table(parameters.rolling_friction),

@@ -17,8 +17,9 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from mrjax import contact, history
-from mrjax.vectors import Vector, plus, times
+from mrjax import history
+from mrjax.laws import normal
+from mrjax.laws.vectors import Vector, plus, times
 
 
 def effective_shear_modulus(
@@ -77,13 +78,13 @@ def tangential_force(
       radius, mass: R* in m and m* in kg of the pair.
       friction: mu, Coulomb's coefficient.
       dissipation: B of Eq. 7, s.
-      damping: z of `contact.damping_ratio`; c_t = z sqrt(10/3 m* K_t), as in the normal direction.
+      damping: z of `normal.damping_ratio`; c_t = z sqrt(10/3 m* K_t), as in the normal direction.
       damped: False where both are zero: a shorter program.
 
     Returns:
       The force on the particle, N, and the new s, m.
     """
-    root, fourth_root = contact.roots(overlap, radius)
+    root, fourth_root = normal.roots(overlap, radius)
     mindlin = 8.0 * shear_modulus * jnp.sqrt(radius)
     spring = mindlin * root
     limit, trial = friction * normal_force, stretch

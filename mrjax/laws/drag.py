@@ -18,7 +18,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from mrjax.core.parameters import Parameters
-from mrjax.particle import outer_radius
+from mrjax.laws.particle import outer_radius
 
 HABERMAN_SAYRE_LIMIT = 0.8
 """Largest diameter ratio that Haberman & Sayre (1958) tabulate."""
@@ -83,7 +83,7 @@ def son2018(
     derivative with respect to the volume fraction, a and b is zero.
 
     Example:
-      >>> float(mrjax.drag.son2018(0.337))
+      >>> float(mrjax.laws.drag.son2018(0.337))
       48.985
     """
     return jnp.minimum(cap, son2018_uncapped(volume_fraction, coefficient, exponent))

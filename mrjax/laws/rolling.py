@@ -14,8 +14,9 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from mrjax import contact, history
-from mrjax.vectors import Vector, plus, times
+from mrjax import history
+from mrjax.laws import normal
+from mrjax.laws.vectors import Vector, plus, times
 
 
 def about_contact(moment: ArrayLike, mass: ArrayLike, radius: ArrayLike) -> Array:
@@ -54,7 +55,7 @@ def rolling_torque(
     Returns:
       The torque on the particle, N m, and the new q, rad.
     """
-    root, fourth_root = contact.roots(overlap, radius)
+    root, fourth_root = normal.roots(overlap, radius)
     arm = friction * radius
     hertz = 3.0 * modulus * jnp.sqrt(radius)  # 9/4 of 4/3
     spring = hertz * root * arm

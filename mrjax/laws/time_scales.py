@@ -10,9 +10,9 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from mrjax import contact, drag, friction, particle
 from mrjax.core import checks
 from mrjax.core.parameters import Parameters
+from mrjax.laws import drag, normal, particle, tangential
 
 REFINEMENT = 20.0
 """h_t of Eq. 29. The paper's cases 2 and 3 come to 20.6 and 16.3."""
@@ -89,7 +89,7 @@ def expected_overlap(parameters: Parameters, load: ArrayLike, speed: ArrayLike) 
     """
     modulus, _, radius, mass = _pair(parameters)
     resting = (3.0 * load / (4.0 * modulus * jnp.sqrt(radius))) ** (2 / 3)
-    impact = contact.impact_overlap(modulus, radius, mass, speed)
+    impact = normal.impact_overlap(modulus, radius, mass, speed)
     return jnp.max(jnp.maximum(resting, impact))
 
 
@@ -110,19 +110,19 @@ def largest_stable_step(
     friction and needs no limit of its own. Infinite where nothing overlaps.
     """
     modulus, shear_modulus, radius, mass = _pair(parameters)
-    normal = contact.stiffness(modulus, radius, overlap)
+    in_normal = normal.stiffness(modulus, radius, overlap)
     grips = jnp.any(_of_particles(parameters.friction) > 0.0)
-    tangential = jnp.where(grips, friction.stiffness(shear_modulus, radius, overlap), 0.0)
+    in_plane = jnp.where(grips, tangential.stiffness(shear_modulus, radius, overlap), 0.0)
     impact, shear = _dashpots(parameters, overlap)
     shear = jnp.where(grips, shear, 0.0)
 
     def limit(mode: Mode) -> Array:
-        spring = mode.normal * normal + mode.tangential * tangential
+        spring = mode.normal * in_normal + mode.tangential * in_plane
         dashpot = mode.normal * impact + mode.tangential * shear
         swings = spring > 0.0
         spring = jnp.where(swings, spring, 1.0)
         inertial = (jnp.sqrt(dashpot**2 + 4.0 * mass * spring) - dashpot) / spring
-        spring = mode.normal * normal + mode.overdamped * tangential
+        spring = mode.normal * in_normal + mode.overdamped * in_plane
         dashpot = mode.normal * impact + mode.overdamped * shear
         spring = jnp.where(swings, spring, 1.0)
         overdamped = 2.0 * (drag.coefficient(parameters) - dashpot) / spring
@@ -141,11 +141,11 @@ def dashpots(parameters: Parameters, overlap: ArrayLike) -> Array:
 
 def _dashpots(parameters: Parameters, overlap: ArrayLike) -> tuple[Array, Array]:
     modulus, shear_modulus, radius, mass = _pair(parameters)
-    damping = contact.damping_ratio(parameters.restitution)
+    damping = normal.damping_ratio(parameters.restitution)
     of_contact = (radius, mass, overlap)
-    impact = (contact.damping_coefficient, modulus, *of_contact, parameters.dissipation, damping)
+    impact = (normal.damping_coefficient, modulus, *of_contact, parameters.dissipation, damping)
     shear = (
-        friction.damping_coefficient,
+        tangential.damping_coefficient,
         shear_modulus,
         *of_contact,
         parameters.tangential_dissipation,
@@ -181,6 +181,6 @@ def _pair(parameters: Parameters) -> tuple[Array, Array, Array, Array]:
     of_wall = (parameters.wall_elastic_modulus, parameters.wall_poisson_ratio)
     elastic, shear = (
         jnp.maximum(law(*of_surface, *of_surface), law(*of_surface, *of_wall))
-        for law in (contact.effective_modulus, friction.effective_shear_modulus)
+        for law in (normal.effective_modulus, tangential.effective_shear_modulus)
     )
     return (elastic, shear, particle.outer_radius(parameters), particle.inertia(parameters))

@@ -12,9 +12,10 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from mrjax import observe, particle, timestep
+from mrjax import observe
 from mrjax.core.numpy_evaluation import by_numpy
 from mrjax.core.parameters import Parameters
+from mrjax.laws import particle, time_scales
 
 BOLTZMANN = 1.380649e-23
 """J/K."""
@@ -92,7 +93,7 @@ def _worst(
     parameters: Parameters, velocity: ArrayLike, temperature: ArrayLike
 ) -> tuple[Array, Array, Array]:
     radius, speed = particle.outer_radius(parameters), jnp.abs(velocity)
-    inertia = timestep.relaxation_time(parameters) * speed / radius
+    inertia = time_scales.relaxation_time(parameters) * speed / radius
     heat = jnp.abs(particle.net_weight(parameters)) * radius / (BOLTZMANN * temperature)
     return (
         jnp.max(observe.reynolds_number(speed, parameters)),

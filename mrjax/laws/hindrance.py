@@ -13,15 +13,15 @@ from jax import Array, lax
 from jax.tree_util import Partial
 from jax.typing import ArrayLike
 
-from mrjax import particle
 from mrjax.core.box import Box
 from mrjax.core.errors import InputError, shown
 from mrjax.core.parameters import Parameters, per_particle
+from mrjax.laws import particle
 
 Hindrance = Callable[[ArrayLike], ArrayLike]
 """f_w for volume fractions: any function of JAX, such as `lambda phi: (1 - phi) ** -4.65`. Given as
-`jax.tree_util.Partial` of a closure of `mrjax.drag` and its coefficients, these can change without
-a new program."""
+`jax.tree_util.Partial` of a closure of `mrjax.laws.drag` and its coefficients, these can change
+without a new program."""
 
 BED = 0.55
 """Volume fraction of a bed, where the contacts are that decide how long a step may be."""

@@ -4,9 +4,9 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from mrjax import contact, drag, particle
 from mrjax.core import checks
 from mrjax.core.parameters import Parameters
+from mrjax.laws import drag, normal, particle
 from mrjax.leapfrog import mean_decay
 
 
@@ -49,10 +49,10 @@ def free_fall_velocity(
 def hertz_duration(
     modulus: ArrayLike, radius: ArrayLike, mass: ArrayLike, speed: ArrayLike
 ) -> Array:
-    """Duration of an elastic impact, 2.94328 d_max / v; s. See `contact.impact_overlap`."""
-    return 2.94328 * contact.impact_overlap(modulus, radius, mass, speed) / speed
+    """Duration of an elastic impact, 2.94328 d_max / v; s. See `normal.impact_overlap`."""
+    return 2.94328 * normal.impact_overlap(modulus, radius, mass, speed) / speed
 
 
 def hertz_force(modulus: ArrayLike, radius: ArrayLike, overlap: ArrayLike) -> Array:
     """Elastic force 4/3 E* sqrt(R*) d^(3/2) at an overlap d in m; N."""
-    return contact.stiffness(modulus, radius, overlap) * overlap * (2 / 3)
+    return normal.stiffness(modulus, radius, overlap) * overlap * (2 / 3)

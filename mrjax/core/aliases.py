@@ -1,0 +1,148 @@
+"""Names of modules from before the rooms: one table, so that old imports keep working.
+
+`mrjax.contact`, `import mrjax.contact` and `from mrjax.contact import normal_force` give the module
+that took over. New code uses the new names.
+"""
+
+import importlib
+import sys
+from collections.abc import Sequence
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+
+OLD_NAMES = {
+    "box": "core.box",
+    "by_numpy": "core.numpy_evaluation",
+    "cache": "cli.program_cache",
+    "checkpoint": "io.checkpoint",
+    "checks": "core.checks",
+    "column": "continuum.column",
+    "commands": "cli.commands",
+    "compression": "continuum.compression",
+    "concentration": "observables.concentration",
+    "concrete": "core.tracing",
+    "contact": "laws.normal",
+    "derived": "simulation.derived",
+    "disperse": "simulation.disperse",
+    "drag": "laws.drag",
+    "dropped": "paper.dry_beds",
+    "engine": "dem.engine",
+    "ensemble": "simulation.ensemble",
+    "environment": "cli.environment",
+    "errors": "core.errors",
+    "exit_at_once": "cli.exit_at_once",
+    "expected": "simulation.estimates",
+    "failure": "simulation.failure",
+    "files": "io.files",
+    "forces": "dem.forces.contact",
+    "frame": "kernel.llvm.xla_ffi",
+    "friction": "laws.tangential",
+    "hindrance": "laws.hindrance",
+    "history": "dem.contact_history",
+    "identity": "io.identity",
+    "instructions": "kernel.llvm.jaxpr",
+    "interruption": "core.interruption",
+    "kynch": "continuum.kynch",
+    "leapfrog": "dem.integrator",
+    "loads": "dem.contact_list",
+    "loop": "kernel.loop",
+    "machine_code": "kernel.llvm.codegen",
+    "markers": "io.markers",
+    "messages": "simulation.messages",
+    "neighbours": "dem.neighbours",
+    "npz": "io.npz",
+    "observe": "observables.heights",
+    "order": "dem.sorting",
+    "overlap": "simulation.overlap",
+    "pairs": "dem.pairs",
+    "pairwise": "kernel.operation",
+    "paper_figures": "paper.figures",
+    "parameters": "core.parameters",
+    "particle": "laws.particle",
+    "partners": "simulation.partners",
+    "parts": "kernel.llvm.chunks",
+    "permissive": "core.promotion",
+    "pieces": "simulation.pieces",
+    "processes": "simulation.processes",
+    "randomness": "core.randomness",
+    "reading": "io.reading",
+    "recipe": "recipe.recipe",
+    "refusals": "core.refusals",
+    "reproduce": "paper.table",
+    "results": "io.results",
+    "resume": "cli.resume",
+    "rolling": "laws.rolling",
+    "run": "core.run",
+    "run_file": "io.run_file",
+    "scan": "dem.scan",
+    "schedule": "dem.schedule",
+    "sedimentation": "simulation.sedimentation",
+    "settle": "simulation.settle",
+    "sheets": "recipe.sheets",
+    "simulate": "simulation.simulate",
+    "sizes": "recipe.sizes",
+    "soften": "simulation.softening",
+    "stability": "dem.stability",
+    "stages": "simulation.follow",
+    "state": "core.state",
+    "state_file": "io.state_file",
+    "streams": "cli.streams",
+    "surfaces": "laws.effective",
+    "text": "core.text",
+    "theory": "laws.closed_forms",
+    "threads": "kernel.llvm.threads",
+    "timestep": "laws.time_scales",
+    "toml_limits": "recipe.toml_limits",
+    "trajectory": "core.trajectory",
+    "units": "core.units",
+    "validity": "laws.dimensionless",
+    "vectors": "laws.vectors",
+    "viewers": "io.viewers",
+    "watching": "simulation.progress",
+}
+"""Today's name within the package, by the old one."""
+FUNCTIONS = (
+    "column",
+    "concentration",
+    "disperse",
+    "ensemble",
+    "sedimentation",
+    "settle",
+    "simulate",
+)
+"""Old names that are functions of the package, too: these come first."""
+
+
+class Aliases(Loader, MetaPathFinder):
+    """Finds a module by its old name."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """The specification of an old name; None of all others."""
+        package, _, name = fullname.partition(".")
+        return ModuleSpec(fullname, self) if package == "mrjax" and name in OLD_NAMES else None
+
+    def create_module(self, spec: ModuleSpec) -> None:
+        """An empty one, which today's module replaces."""
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Puts today's module in its place."""
+        old = module.__name__
+        sys.modules[old] = importlib.import_module(f"mrjax.{OLD_NAMES[old.partition('.')[2]]}")
+
+
+class Package(ModuleType):
+    """`mrjax` itself: a function is not hidden by the old module of its name."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Sets an attribute, unless it is such a module."""
+        if not (name in FUNCTIONS and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+def install() -> None:
+    """Makes the old names known."""
+    sys.meta_path.append(Aliases())
+    sys.modules["mrjax"].__class__ = Package
