@@ -18,12 +18,12 @@ from mrjax import history
 from mrjax.core.parameters import Parameters, per_particle
 from mrjax.core.tracing import concrete
 from mrjax.history import Memory
+from mrjax.kernel.operation import pairwise
 from mrjax.laws import effective, particle, rolling, tangential
 from mrjax.laws.effective import Surfaces
 from mrjax.laws.normal import LEAST_DISTANCE, normal_force
 from mrjax.laws.vectors import Vector, cross, dot, plus, times
 from mrjax.pairs import Pairs
-from mrjax.pairwise import pairwise
 
 
 @dataclass(frozen=True)

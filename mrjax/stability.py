@@ -8,12 +8,12 @@ import jax.numpy as jnp
 from jax import Array, lax
 
 from mrjax.core import randomness
+from mrjax.kernel.operation import pairwise
 from mrjax.laws import normal, tangential
 from mrjax.laws.effective import Surfaces
 from mrjax.laws.vectors import cross, dot, plus, times
 from mrjax.leapfrog import Kick
 from mrjax.pairs import Pairs
-from mrjax.pairwise import pairwise
 
 ITERATIONS = 8
 MOST = 0.95

@@ -17,12 +17,13 @@ from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir, partial_eval
 
 import mrjax
-from mrjax import engine, forces, machine_code, neighbours, pairs, pieces
+from mrjax import engine, forces, neighbours, pairs, pieces
 from mrjax.history import Memory
+from mrjax.kernel.llvm import codegen
+from mrjax.kernel.operation import pairwise
 from mrjax.pairs import Pairs
-from mrjax.pairwise import pairwise
 
-operation = importlib.import_module("mrjax.pairwise")
+operation = importlib.import_module("mrjax.kernel.operation")
 
 BOTH = ("float64", "float32")
 
@@ -565,13 +566,13 @@ def test_what_a_change_does_not_read_is_not_kept_for_it():
 
 def test_long_vectors_are_kept_on_an_aligned_stack(monkeypatch):
     """A stack's alignment is left out by llvmlite where a function has no other attribute."""
-    sources, compiled = [], machine_code._compiled
+    sources, compiled = [], codegen._compiled
 
     def noted(source):
         sources.append(source)
         return compiled(source)
 
-    monkeypatch.setattr(machine_code, "_compiled", noted)
+    monkeypatch.setattr(codegen, "_compiled", noted)
     # A number of places that no other test has, so that it is compiled here.
     law, listed, (displacement, *more), parameters = meeting([True] * 5, spare=37)
 

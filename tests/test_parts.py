@@ -10,9 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from mrjax import machine_code, threads
+from mrjax.kernel.llvm import codegen, threads
+from mrjax.kernel.operation import pairwise
 from mrjax.pairs import Pairs
-from mrjax.pairwise import pairwise
 
 PARTICLES = 300
 LISTS = ["none", "few", "many", "ordered"]
@@ -82,8 +82,8 @@ def everything(pairs: Pairs):
 
 def in_parts(monkeypatch, several: bool):
     """From here on every list is divided, or none."""
-    monkeypatch.setattr(machine_code, "LONG_LIST", 1 if several else sys.maxsize)
-    machine_code.registered.cache_clear()
+    monkeypatch.setattr(codegen, "LONG_LIST", 1 if several else sys.maxsize)
+    codegen.registered.cache_clear()
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
@@ -95,7 +95,7 @@ def test_parts_add_up_to_the_whole(monkeypatch, kind, dtype):
         in_parts(monkeypatch, several)
         function = jax.jit(everything(listed(kind)))
         text = function.lower(given(dtype=dtype), changes).as_text()
-        assert (f"tensor<{machine_code.PARTS}x" in text) == several
+        assert (f"tensor<{codegen.PARTS}x" in text) == several
         found[several] = function(given(dtype=dtype), changes)
     for one, other in zip(*(jax.tree.leaves(found[of]) for of in (True, False)), strict=True):
         # Sums of up to 3000 numbers, taken in another order.
@@ -143,7 +143,7 @@ sys.path.insert(0, sys.argv[2])
 import jax
 jax.config.update("jax_enable_x64", True)
 import test_parts
-from mrjax import machine_code
+from mrjax.kernel.llvm import codegen as machine_code
 machine_code.LONG_LIST = 1
 function = jax.jit(test_parts.everything(test_parts.listed("many")))
 found = jax.tree.leaves(function(test_parts.given(), test_parts.given(seed=3)))

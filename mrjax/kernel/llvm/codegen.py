@@ -14,11 +14,11 @@ from threading import Lock
 import jax
 from llvmlite import binding, ir
 
-from mrjax import threads
-from mrjax.frame import NULL, Frame
-from mrjax.instructions import FREE, INT, LONG, POINTER, TYPES, counted, translated
-from mrjax.loop import Kind, Leaf, Loop, Place, places
-from mrjax.parts import stages
+from mrjax.kernel.llvm import threads
+from mrjax.kernel.llvm.chunks import stages
+from mrjax.kernel.llvm.jaxpr import FREE, INT, LONG, POINTER, TYPES, counted, translated
+from mrjax.kernel.llvm.xla_ffi import NULL, Frame
+from mrjax.kernel.loop import Kind, Leaf, Loop, Place, places
 
 VECTOR, LINEAR = 32, 64
 """Bytes of a vector in which pairs are taken together: four in double precision, and eight in loops
@@ -46,7 +46,7 @@ def parts(room: int) -> int:
 def registered(loop: Loop, particles: int, room: int) -> str:
     """The name under which XLA finds the compiled loop: the same in every process.
 
-    In parts it has one result more, of `parts.room_for_sums` for each, which means nothing.
+    In parts it has one result more, of `chunks.room_for_sums` for each, which means nothing.
 
     Args:
       loop: the loop.

@@ -1,7 +1,7 @@
 """A law evaluated for every pair that touches, and its results added to both particles.
 
 One operation, which JAX transforms like any of its own: on a CPU a compiled loop
-(`mrjax.machine_code`), elsewhere gathers and scatters (`Loop.in_arrays`).
+(`mrjax.kernel.llvm.codegen`), elsewhere gathers and scatters (`Loop.in_arrays`).
 """
 
 from collections.abc import Callable, Sequence
@@ -15,10 +15,10 @@ from jax.extend.core import Literal, Primitive
 from jax.interpreters import ad, batching, mlir, partial_eval
 from jax.typing import ArrayLike
 
-from mrjax import machine_code
-from mrjax.loop import Kind, Leaf, Loop
+from mrjax.kernel.llvm import codegen
+from mrjax.kernel.llvm.chunks import room_for_sums
+from mrjax.kernel.loop import Kind, Leaf, Loop
 from mrjax.pairs import Pairs
-from mrjax.parts import room_for_sums
 
 AT_ONCE = 4
 """Directions of a derivative that one loop takes together."""
@@ -295,10 +295,10 @@ def _compiled(context, *operands, loop: Loop):
     shapes = [operand.shape for operand in context.avals_in]
     particles, (room,) = loop.particles(shapes[3:]), shapes[0]
     lower = jax.ffi.ffi_lowering(
-        machine_code.registered(loop, particles, room),
+        codegen.registered(loop, particles, room),
         operand_output_aliases={3 + of.given: of.taken for of in loop.in_place},
     )
-    parts = machine_code.parts(room)
+    parts = codegen.parts(room)
     if parts == 1:
         return lower(context, *operands)
     apart = ShapedArray((parts, room_for_sums(loop.outputs, particles)), loop.outputs[0].dtype)

@@ -7,9 +7,9 @@ are few.
 
 from llvmlite import ir
 
-from mrjax.instructions import FREE, INT, LONG, POINTER, TYPES, counted
-from mrjax.loop import Kind, Leaf, Loop
-from mrjax.threads import word
+from mrjax.kernel.llvm.jaxpr import FREE, INT, LONG, POINTER, TYPES, counted
+from mrjax.kernel.llvm.threads import word
+from mrjax.kernel.loop import Kind, Leaf, Loop
 
 
 def room_for_sums(outputs: tuple[Leaf, ...], particles: int) -> int:
