@@ -14,15 +14,15 @@ import numpy as np
 from jax import Array, lax
 from jax.typing import DTypeLike
 
-from mrjax import neighbours
 from mrjax.core import checks, randomness
 from mrjax.core._jax_md import minimize
 from mrjax.core.box import Box
 from mrjax.core.errors import InputError
 from mrjax.core.promotion import permissive
 from mrjax.core.state import State, place
+from mrjax.dem import neighbours
+from mrjax.dem.neighbours import Neighbours, Plan
 from mrjax.laws import particle
-from mrjax.neighbours import Neighbours, Plan
 from mrjax.recipe import Recipe
 
 CLEARANCE = 0.005

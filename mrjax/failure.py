@@ -16,11 +16,11 @@ from mrjax.core.numpy_evaluation import by_numpy
 from mrjax.core.parameters import Parameters
 from mrjax.core.run import Fault, reasons
 from mrjax.core.state import State
-from mrjax.engine import DEEPEST
+from mrjax.dem.engine import DEEPEST
+from mrjax.dem.scan import Setup, attempt
+from mrjax.dem.schedule import Schedule
 from mrjax.laws import particle
 from mrjax.laws.hindrance import Hindrance
-from mrjax.scan import Setup, attempt
-from mrjax.schedule import Schedule
 
 PIECES = 256
 """Into which a part is divided, and each that fails again."""

@@ -19,7 +19,7 @@ from mrjax.core.errors import InputError, SimulationError, SystemRefusal
 from mrjax.core.run import Run
 from mrjax.core.state import State
 from mrjax.core.trajectory import Trajectory
-from mrjax.history import Contacts
+from mrjax.dem.contact_history import Contacts
 from mrjax.recipe import Recipe
 
 TABLES = {one.__name__: one for one in (Box, Contacts, Run, State, Trajectory)}

@@ -16,18 +16,18 @@ import numpy as np
 from jax import Array, lax
 from jax.typing import DTypeLike
 
-from mrjax import order
 from mrjax.core.box import Box
 from mrjax.core.interruption import Stop, in_a_thread
 from mrjax.core.parameters import Parameters
 from mrjax.core.run import Run
 from mrjax.core.state import State
-from mrjax.engine import Engine, Motion, Observed, Outcome
+from mrjax.dem import sorting
+from mrjax.dem.contact_history import Notes
+from mrjax.dem.engine import Engine, Motion, Observed, Outcome
+from mrjax.dem.scan import Setup, in_lab_units, reduced
+from mrjax.dem.schedule import Schedule
 from mrjax.failure import failure, refuse_deep_start
-from mrjax.history import Notes
 from mrjax.laws.hindrance import Hindrance
-from mrjax.scan import Setup, in_lab_units, reduced
-from mrjax.schedule import Schedule
 
 T = TypeVar("T")
 
@@ -103,9 +103,9 @@ class Pieces:
         self.hindrance, self.box, self.stop = hindrance, box, stop
         self.back: np.ndarray | None = None
         self.given = state, parameters
-        if state.particles >= order.MANY:
-            places = order.in_space(state.position, box, setup.plan.cell * setup.unit_length)
-            state, parameters = order.arranged(state, places), order.of_each(parameters, places)
+        if state.particles >= sorting.MANY:
+            places = sorting.in_space(state.position, box, setup.plan.cell * setup.unit_length)
+            state, parameters = sorting.arranged(state, places), sorting.of_each(parameters, places)
             self.back = np.argsort(np.asarray(places))
         self.parameters, self.setup = parameters, setup
         self.frames = setup.cuts.frames  # those that are wanted
@@ -377,7 +377,7 @@ class Pieces:
         return jax.tree.map(jnp.asarray, found.state)
 
     def _in_given_order(self, state: State) -> State:
-        return state if self.back is None else order.arranged(state, jnp.asarray(self.back))
+        return state if self.back is None else sorting.arranged(state, jnp.asarray(self.back))
 
     def _of_each(self, values: Any) -> Any:
         return values if self.back is None else values[self.back]

@@ -12,7 +12,7 @@ import numpy as np
 from jax import Array
 from tqdm import tqdm
 
-from mrjax import expected, history, processes, state_file
+from mrjax import expected, processes, state_file
 from mrjax.checkpoint import Checkpoint, refuse_foreign
 from mrjax.core import checks
 from mrjax.core.box import Box
@@ -22,9 +22,10 @@ from mrjax.core.parameters import Parameters
 from mrjax.core.run import Fault, Run
 from mrjax.core.state import State
 from mrjax.core.tracing import known
+from mrjax.dem import contact_history
+from mrjax.dem.scan import Setup
 from mrjax.laws.hindrance import Hindrance, as_tree
 from mrjax.pieces import Pieces
-from mrjax.scan import Setup
 from mrjax.simulate import prepared
 from mrjax.stages import keep, resume
 from mrjax.watching import announce
@@ -235,7 +236,7 @@ def _stacked(runs: list[Run]) -> Run:
             run,
             times=longest.times,
             **{name: jax.tree.map(lasting, getattr(run, name)) for name in ALONG},
-            state=replace(run.state, contacts=history.widened(run.state.contacts, slots)),
+            state=replace(run.state, contacts=contact_history.widened(run.state.contacts, slots)),
             time_step=longest.time_step,
             steps=longest.steps,
         )

@@ -10,7 +10,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from mrjax import forces, schedule
 from mrjax.core import checks
 from mrjax.core.box import Box
 from mrjax.core.errors import InputError
@@ -19,12 +18,14 @@ from mrjax.core.parameters import Parameters
 from mrjax.core.run import Run
 from mrjax.core.state import State
 from mrjax.core.tracing import concrete, known, plain, where_known
+from mrjax.dem import schedule
+from mrjax.dem.forces import contact
+from mrjax.dem.forces.contact import Laws
+from mrjax.dem.scan import Setup, attempt
 from mrjax.failure import failure
-from mrjax.forces import Laws
 from mrjax.laws import particle, time_scales
 from mrjax.laws.hindrance import BED, Hindrance, as_tree
 from mrjax.pieces import Pieces
-from mrjax.scan import Setup, attempt
 from mrjax.watching import watched
 
 
@@ -212,7 +213,7 @@ def prepared(
     cuts = schedule.cut(duration, time_step, frames, checks.whole(rebuild_every, "rebuild_every"))
 
     # Without a contact friction is only compiled.
-    laws = forces.laws(parameters) if touch else Laws(sliding=False, rolling=False, damped=False)
+    laws = contact.laws(parameters) if touch else Laws(sliding=False, rolling=False, damped=False)
     return Setup(duration, diameter / 2, plan, cuts, laws, trajectory)
 
 

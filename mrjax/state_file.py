@@ -12,7 +12,7 @@ from pydantic import FiniteFloat, PositiveFloat
 from mrjax import npz
 from mrjax.core.errors import InputError
 from mrjax.core.state import State
-from mrjax.history import WALLS, Contacts
+from mrjax.dem.contact_history import WALLS, Contacts
 from mrjax.markers import Strict
 
 

@@ -11,7 +11,8 @@ import jax.numpy as jnp
 import pytest
 
 import mrjax
-from mrjax import cache, neighbours
+from mrjax import cache
+from mrjax.dem import neighbours
 
 SHORT = ("-m", "mrjax", "simulate", "case2", "--duration", "1.5e-7", "--frames", "2", "--quiet")
 CLOSED = ("-m", "calibrate", "fang2005", "--model", "closed-form", "--quiet")

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import mrjax
-from mrjax import history, npz, results, resume, stages
+from mrjax import npz, results, resume, stages
+from mrjax.dem import contact_history
 
 ROOM = mrjax.Box((1e-2, 1e-2, 1e-2))
 RADIUS = 5e-4
@@ -154,7 +155,7 @@ def test_a_bed_that_fails_tells_its_time_and_particle(case2):
 def test_a_state_comes_back_to_the_last_bit(tmp_path, case2):
     """With what its contacts remember."""
     state = mrjax.disperse(case2, seed=1)
-    contacts = history.blank(state.particles, 5, float, sliding=True, rolling=False)
+    contacts = contact_history.blank(state.particles, 5, float, sliding=True, rolling=False)
     contacts = replace(contacts, sliding=contacts.sliding + 0.1)
     for one in (
         replace(state, contacts=contacts),

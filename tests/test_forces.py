@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import mrjax
-from mrjax import forces, history
+from mrjax.dem import contact_history
+from mrjax.dem.forces import contact
 from mrjax.laws import closed_forms, particle, time_scales
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
@@ -29,17 +30,17 @@ STEP = 1e-7
 OBLIQUE = mrjax.place([[5e-3, 5e-3, 1.001e-3]], [[0.5, 0.0, -0.5]], contact_diameter=2e-3)
 
 
-SLIDING = forces.Laws(sliding=True, rolling=False, damped=False)
+SLIDING = contact.Laws(sliding=True, rolling=False, damped=False)
 
 
 def test_only_laws_that_act_or_may_be_differentiated_are_compiled():
-    assert forces.laws(GLASS) == SLIDING
-    assert forces.laws(GLASS.replace(friction=0.0)) == replace(SLIDING, sliding=False)
+    assert contact.laws(GLASS) == SLIDING
+    assert contact.laws(GLASS.replace(friction=0.0)) == replace(SLIDING, sliding=False)
     table = jnp.array([[0.0, 0.0], [0.0, 0.1]])
-    assert forces.laws(GLASS.replace(friction=0.0, rolling_friction=table)).rolling
+    assert contact.laws(GLASS.replace(friction=0.0, rolling_friction=table)).rolling
     seen = []
-    jax.grad(lambda mu: seen.append(forces.laws(GLASS.replace(friction=mu))) or mu)(0.0)
-    jax.jit(lambda mu: seen.append(forces.laws(GLASS.replace(friction=mu))) or mu)(0.0)
+    jax.grad(lambda mu: seen.append(contact.laws(GLASS.replace(friction=mu))) or mu)(0.0)
+    jax.jit(lambda mu: seen.append(contact.laws(GLASS.replace(friction=mu))) or mu)(0.0)
     assert seen == [SLIDING] * 2
 
 
@@ -48,10 +49,10 @@ def test_only_laws_that_act_or_may_be_differentiated_are_compiled():
 )
 def test_dashpots_are_compiled_where_one_acts_or_may_be_differentiated(name, idle):
     for value in (0.5, jnp.array([[idle, idle], [idle, 0.5]])):
-        assert forces.laws(GLASS.replace(**{name: value})) == replace(SLIDING, damped=True)
-    assert forces.laws(GLASS.replace(**{name: jnp.full((2, 2), idle)})) == SLIDING
+        assert contact.laws(GLASS.replace(**{name: value})) == replace(SLIDING, damped=True)
+    assert contact.laws(GLASS.replace(**{name: jnp.full((2, 2), idle)})) == SLIDING
     seen = []
-    jax.grad(lambda leaf: seen.append(forces.laws(GLASS.replace(**{name: leaf}))) or leaf)(idle)
+    jax.grad(lambda leaf: seen.append(contact.laws(GLASS.replace(**{name: leaf}))) or leaf)(idle)
     assert seen == [replace(SLIDING, damped=True)]
 
 
@@ -86,7 +87,7 @@ def test_every_wall_is_like_the_floor(axis, end):
             [axial @ [20.0, -40.0, 30.0]],
         )
         stretch, angle = view @ [1e-7, -2e-7, 0.0], axial @ [2e-4, 1e-4, 0.0]
-        wall = jnp.array([[history.WALLS[2 * axis + end]]], jnp.int32)
+        wall = jnp.array([[contact_history.WALLS[2 * axis + end]]], jnp.int32)
         contacts = mrjax.Contacts(wall, jnp.array([[stretch]]), jnp.array([[angle]]))
         return replace(state, contacts=contacts), view, axial
 
@@ -99,7 +100,7 @@ def test_every_wall_is_like_the_floor(axis, end):
         allowed = 1e-12 * np.abs(of_floor).max()
         np.testing.assert_allclose(of_this[0], seen @ of_floor[0], rtol=0, atol=allowed)
     # Without the memory, or with that of the wall across, it would be another force.
-    across = jnp.array([[history.WALLS[2 * axis + 1 - end]]], jnp.int32)
+    across = jnp.array([[contact_history.WALLS[2 * axis + 1 - end]]], jnp.int32)
     for contacts in (None, replace(state.contacts, partner=across)):
         other, _ = mrjax.contact_forces(replace(state, contacts=contacts), rough, ROOM)
         assert np.abs(other - found[0]).max() > 1e-2 * np.abs(found[0]).max()

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import mrjax
-from mrjax import leapfrog
+from mrjax.dem import integrator
+from mrjax.dem.integrator import SERIES_BELOW, Kick, mean_decay
 from mrjax.laws import particle
-from mrjax.leapfrog import SERIES_BELOW, Kick, mean_decay
 
 EXACT = 1e-13  # a handful of roundings in double precision
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12
@@ -89,11 +89,11 @@ def pulled(kick):
 
 def test_without_drag_it_is_the_leapfrog():
     dt = 0.1
-    kick = leapfrog.kick(parameters(0.0), dt)
+    kick = integrator.kick(parameters(0.0), dt)
     assert kick.keep == 1.0 and kick.gain == near(dt, rel=EXACT)
     half_way = POSITION + 0.5 * dt * VELOCITY
-    np.testing.assert_array_equal(leapfrog.drifted(POSITION, VELOCITY, 0.5 * dt), half_way)
-    following, velocity, noted = leapfrog.step(half_way, VELOCITY, pulled(kick), dt)
+    np.testing.assert_array_equal(integrator.drifted(POSITION, VELOCITY, 0.5 * dt), half_way)
+    following, velocity, noted = integrator.step(half_way, VELOCITY, pulled(kick), dt)
     expected = VELOCITY + dt * pull(half_way, VELOCITY)
     np.testing.assert_allclose(velocity, expected, rtol=EXACT, atol=1e-15)
     position = half_way + 0.5 * dt * expected
@@ -103,12 +103,12 @@ def test_without_drag_it_is_the_leapfrog():
 
 def test_with_much_drag_it_is_overdamped_euler():
     dt, damping = 0.1, 1e6
-    kick = leapfrog.kick(parameters(damping / (6 * np.pi)), dt)
+    kick = integrator.kick(parameters(damping / (6 * np.pi)), dt)
     assert kick.keep == 0.0 and kick.gain == near(1 / damping, rel=EXACT)
-    half_way, velocity = leapfrog.drifted(POSITION, VELOCITY, 0.5 * dt), VELOCITY
+    half_way, velocity = integrator.drifted(POSITION, VELOCITY, 0.5 * dt), VELOCITY
     for _ in range(3):
         before, force = half_way, pull(half_way, velocity)
-        half_way, velocity, _ = leapfrog.step(half_way, velocity, pulled(kick), dt)
+        half_way, velocity, _ = integrator.step(half_way, velocity, pulled(kick), dt)
         np.testing.assert_allclose(velocity, force / damping, rtol=EXACT, atol=1e-21)
         # Euler's step, from one half-way point to the next.
         np.testing.assert_allclose(half_way - before, dt * force / damping, rtol=1e-8, atol=1e-15)
@@ -116,8 +116,8 @@ def test_with_much_drag_it_is_overdamped_euler():
 
 def test_a_free_fall_with_drag_is_exact_at_any_step():
     for dt in (1e-3, 1.0, 30.0):
-        kick = leapfrog.kick(parameters(0.7 / (6 * np.pi)), dt)
-        _, velocity, _ = leapfrog.step(
+        kick = integrator.kick(parameters(0.7 / (6 * np.pi)), dt)
+        _, velocity, _ = integrator.step(
             POSITION,
             VELOCITY,
             lambda *_, kick=kick: (kick.keep, jnp.full_like(POSITION, 2.0 * kick.gain), None),
@@ -132,7 +132,7 @@ def test_a_free_fall_with_drag_is_exact_at_any_step():
 def test_the_coefficients_are_differentiable(viscosity):
     """With respect to the viscosity: (keep, gain) = (e^-a, (1 - e^-a) / gamma), a = 6 pi mu dt."""
     dt, rate = 0.25, 6 * np.pi
-    slope = jax.jacobian(lambda mu: leapfrog.kick(parameters(0.0).replace(viscosity=mu), dt))(
+    slope = jax.jacobian(lambda mu: integrator.kick(parameters(0.0).replace(viscosity=mu), dt))(
         viscosity
     )
     a = rate * viscosity * dt

@@ -14,9 +14,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from mrjax import Box, neighbours
+from mrjax import Box
+from mrjax.dem import neighbours
+from mrjax.dem.neighbours import CELLS_OVERFULL, PAIRS_DROPPED, Plan
 from mrjax.disperse import _spread
-from mrjax.neighbours import CELLS_OVERFULL, PAIRS_DROPPED, Plan
 
 build = jax.jit(neighbours.build, static_argnames=("plan", "box"))
 

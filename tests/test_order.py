@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import mrjax
-from mrjax import order
+from mrjax.dem import sorting
 
 BOX = mrjax.Box((16.0, 12.0, 30.0), (True, False, False))
 NUMBER = 60
@@ -46,7 +46,7 @@ def runs(monkeypatch, function):
     """What a function gives with and without the order of space."""
     found = []
     for many in (1, sys.maxsize):
-        monkeypatch.setattr(order, "MANY", many)
+        monkeypatch.setattr(sorting, "MANY", many)
         found.append(function())
     return found
 
@@ -112,7 +112,7 @@ def test_the_order_is_that_of_cells(periodic):
     random = np.random.default_rng(1)
     position = random.uniform(0.0, 1.0, (500, 3)) * box.size
     shifted = position + np.array([9.0 * periodic, 0.0, 0.0])
-    places = np.asarray(order.in_space(jnp.asarray(shifted), box, 1.0))
+    places = np.asarray(sorting.in_space(jnp.asarray(shifted), box, 1.0))
     assert sorted(places) == list(range(500))
     x, y, z = np.floor(position[places]).T
     rows = 100 * x + 10 * y + z

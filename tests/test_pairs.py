@@ -15,10 +15,12 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 import mrjax
-from mrjax import Box, forces, neighbours, pairs
+from mrjax import Box
+from mrjax.dem import neighbours, pairs
+from mrjax.dem.forces import contact
+from mrjax.dem.neighbours import CELLS_OVERFULL, PAIRS_DROPPED, Plan
+from mrjax.dem.pairs import Pairs
 from mrjax.laws import normal
-from mrjax.neighbours import CELLS_OVERFULL, PAIRS_DROPPED, Plan
-from mrjax.pairs import Pairs
 
 MIXES = list(itertools.product((False, True), repeat=3))
 SIZE = (5.3, 6.6, 9.9)
@@ -370,8 +372,8 @@ def separated(listed, displacement):
     """The separations after displacements (3, N), as the forces see them."""
     mine = tuple(part[listed.first] for part in displacement)
     theirs = tuple(part.at[listed.second].get(mode="fill", fill_value=0.0) for part in displacement)
-    moved = (forces.Body(way, None, None, None, None) for way in (mine, theirs))
-    return forces.apart(*moved, listed.separation, listed.axis)
+    moved = (contact.Body(way, None, None, None, None) for way in (mine, theirs))
+    return contact.apart(*moved, listed.separation, listed.axis)
 
 
 def test_separated(crowd):

@@ -17,11 +17,13 @@ from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir, partial_eval
 
 import mrjax
-from mrjax import engine, forces, neighbours, pairs, pieces
-from mrjax.history import Memory
+from mrjax import pieces
+from mrjax.dem import engine, neighbours, pairs
+from mrjax.dem.contact_history import Memory
+from mrjax.dem.forces import contact
+from mrjax.dem.pairs import Pairs
 from mrjax.kernel.llvm import codegen
 from mrjax.kernel.operation import pairwise
-from mrjax.pairs import Pairs
 
 operation = importlib.import_module("mrjax.kernel.operation")
 
@@ -140,9 +142,9 @@ ROUGH = mrjax.Parameters(
     dissipation=0.02,
     tangential_dissipation=0.03,
 )
-ALL = forces.Laws(sliding=True, rolling=True, damped=True)
+ALL = contact.Laws(sliding=True, rolling=True, damped=True)
 EVERY_LAW = [
-    forces.Laws(sliding, rolling, damped)
+    contact.Laws(sliding, rolling, damped)
     for sliding in (False, True)
     for rolling in (False, True)
     for damped in (False, True)
@@ -209,7 +211,7 @@ def law_of(laws, mixed):
     material = jnp.array([0, 1, 0, 1, 1], jnp.int32) if mixed else None
 
     def loads(listed, moving, parameters):
-        law = forces.of_contacts(parameters, laws=laws, material=material, time_step=0.01)
+        law = contact.of_contacts(parameters, laws=laws, material=material, time_step=0.01)
         return law(listed)(*moving)
 
     return loads

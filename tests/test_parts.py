@@ -10,9 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from mrjax.dem.pairs import Pairs
 from mrjax.kernel.llvm import codegen, threads
 from mrjax.kernel.operation import pairwise
-from mrjax.pairs import Pairs
 
 PARTICLES = 300
 LISTS = ["none", "few", "many", "ordered"]

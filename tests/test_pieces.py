@@ -18,8 +18,9 @@ from test_resume import Stopped, alike, stopping
 from test_settle import WALLED, dispersed, soft
 
 import mrjax
-from mrjax import commands, order, pieces, schedule, stages, watching
+from mrjax import commands, pieces, stages, watching
 from mrjax.core import interruption
+from mrjax.dem import schedule, sorting
 
 DURATION = dict(duration=3.0, frames=6, time_step=0.003, skin=0.05)
 
@@ -165,7 +166,7 @@ def test_a_checkpoint_of_another_layout_is_refused(small, tmp_path, monkeypatch)
 def test_many_particles_keep_their_order(monkeypatch, small, whole):
     """In pieces, too: those that a run sorts in space are given back as they came."""
     parameters, state = small
-    monkeypatch.setattr(order, "MANY", 2)
+    monkeypatch.setattr(sorting, "MANY", 2)
     sorted_run = mrjax.simulate(state, parameters, WALLED, **DURATION, trajectory=True)
     np.testing.assert_allclose(sorted_run.heights, whole.heights, rtol=1e-9)
     np.testing.assert_allclose(sorted_run.state.position, whole.state.position, rtol=1e-9)

@@ -25,8 +25,9 @@ from test_settle import WALLED, dispersed, soft
 import mrjax
 from calibrate import posterior, profile
 from calibrate.fit import LogNormal, fit
-from mrjax import checkpoint, commands, npz, pieces, resume, schedule, stages
+from mrjax import checkpoint, commands, npz, pieces, resume, stages
 from mrjax.checkpoint import Checkpoint
+from mrjax.dem import schedule
 from mrjax.results import LIST
 
 EXPERIMENT = """

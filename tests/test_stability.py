@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import mrjax
-from mrjax import leapfrog, neighbours, pairs, stability
 from mrjax.core.units import Units
+from mrjax.dem import integrator, neighbours, pairs, stability
 from mrjax.laws import effective, particle
 
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12
@@ -67,7 +67,7 @@ def _listed(position, radius, skin, *, plan, box):
 def found_by_iteration(listed, overlap, radius, parameters, *, sliding, calls):
     """Rates of `calls` beds in a row, all the same; (calls,)."""
     constants = effective.of(parameters, None, listed)
-    kicks = leapfrog.kick(parameters, 1.0), leapfrog.spin_kick(parameters, 1.0)
+    kicks = integrator.kick(parameters, 1.0), integrator.spin_kick(parameters, 1.0)
 
     def again(swing, _):
         swing = stability.swing(swing, listed, constants, overlap, radius, *kicks, sliding=sliding)

@@ -10,8 +10,8 @@ import pytest
 
 import mrjax
 from mrjax.core import checks
+from mrjax.dem.pairs import Pairs
 from mrjax.laws import effective, normal, particle, tangential
-from mrjax.pairs import Pairs
 
 near = partial(pytest.approx, rel=1e-13, abs=0.0)  # its own abs passes all within 1e-12
 

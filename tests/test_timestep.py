@@ -9,7 +9,7 @@ import pytest
 from scipy.optimize import brentq
 
 import mrjax
-from mrjax import leapfrog
+from mrjax.dem import integrator
 from mrjax.laws import drag, normal, particle, time_scales
 
 EXACT = 1e-13  # a handful of roundings in double precision
@@ -121,11 +121,11 @@ def test_the_limit_is_where_the_leapfrog_becomes_unstable(regime):
     assert drag.coefficient(parameters) == near(REGIMES[regime], rel=EXACT)
     for fraction, stable in ((0.995, True), (1.005, False)):
         step = fraction * stability_limit(REGIMES[regime])
-        kick = leapfrog.kick(parameters, step)
-        plain = leapfrog.Kick(float(kick.keep), float(kick.gain))
+        kick = integrator.kick(parameters, step)
+        plain = integrator.Kick(float(kick.keep), float(kick.gain))
         half_way, velocity = np.ones((3, 1)), np.zeros((3, 1))
         for _ in range(2000):
-            half_way, velocity, _ = leapfrog.step(
+            half_way, velocity, _ = integrator.step(
                 half_way,
                 velocity,
                 lambda half_way, _, plain=plain: (plain.keep, -plain.gain * half_way, None),

@@ -11,7 +11,7 @@ from jax.typing import ArrayLike, DTypeLike
 
 from mrjax.core.box import LARGEST, SMALLEST
 from mrjax.core.errors import InputError, shown
-from mrjax.history import Contacts
+from mrjax.dem.contact_history import Contacts
 
 
 @jax.tree_util.register_dataclass

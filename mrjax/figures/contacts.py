@@ -10,10 +10,10 @@ from mrjax.core.box import Box
 from mrjax.core.errors import InputError
 from mrjax.core.parameters import Parameters, per_particle
 from mrjax.core.state import State
+from mrjax.dem.contact_list import Touching, normal_forces
 from mrjax.figures import spheres
 from mrjax.figures.style import COLUMN, STYLE
 from mrjax.laws import particle
-from mrjax.loads import Touching, normal_forces
 
 THICKEST = 3.5
 """Line of a force of `STRONG` times the mean, or more; points."""

@@ -15,10 +15,10 @@ from jax.extend.core import Literal, Primitive
 from jax.interpreters import ad, batching, mlir, partial_eval
 from jax.typing import ArrayLike
 
+from mrjax.dem.pairs import Pairs
 from mrjax.kernel.llvm import codegen
 from mrjax.kernel.llvm.chunks import room_for_sums
 from mrjax.kernel.loop import Kind, Leaf, Loop
-from mrjax.pairs import Pairs
 
 AT_ONCE = 4
 """Directions of a derivative that one loop takes together."""

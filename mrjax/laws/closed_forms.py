@@ -6,8 +6,8 @@ from jax.typing import ArrayLike
 
 from mrjax.core import checks
 from mrjax.core.parameters import Parameters
+from mrjax.dem.integrator import mean_decay
 from mrjax.laws import drag, normal, particle
-from mrjax.leapfrog import mean_decay
 
 
 def terminal_velocity(parameters: Parameters) -> Array:

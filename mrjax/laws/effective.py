@@ -8,8 +8,8 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from mrjax.core.parameters import Parameters
+from mrjax.dem.pairs import Pairs
 from mrjax.laws import normal, particle, rolling, tangential
-from mrjax.pairs import Pairs
 
 
 class Surfaces(NamedTuple):

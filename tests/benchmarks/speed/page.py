@@ -4,8 +4,8 @@ import json
 from pathlib import Path
 
 from mrjax.core.text import in_code
+from mrjax.dem.schedule import MOST_STEPS_BETWEEN_REBUILDS
 from mrjax.files import markdown_table
-from mrjax.schedule import MOST_STEPS_BETWEEN_REBUILDS
 
 from . import states, throughput
 

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mrjax import engine
-from mrjax.scan import Setup
-from mrjax.schedule import MOST_STEPS_BETWEEN_REBUILDS
+from mrjax.dem import engine
+from mrjax.dem.scan import Setup
+from mrjax.dem.schedule import MOST_STEPS_BETWEEN_REBUILDS
 
 from . import memory, process, states, timing
 from .process import Process

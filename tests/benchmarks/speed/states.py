@@ -14,11 +14,11 @@ from mrjax.core.interruption import Stop
 from mrjax.core.parameters import Parameters
 from mrjax.core.run import Run
 from mrjax.core.state import State
+from mrjax.dem.scan import Setup
 from mrjax.dropped import ELASTIC_MODULUS, REST, RESTITUTION
 from mrjax.overlap import OVERLAP
 from mrjax.pieces import Pieces
 from mrjax.recipe import Recipe
-from mrjax.scan import Setup
 from mrjax.simulate import prepared
 
 FRICTION = 0.5

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from mrjax.core.run import Run
-from mrjax.scan import Setup
+from mrjax.dem.scan import Setup
 
 from . import liggghts, process, states, timing
 from .process import Process

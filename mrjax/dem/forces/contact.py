@@ -14,16 +14,16 @@ import numpy as np
 from jax import Array, lax
 from jax.core import Tracer
 
-from mrjax import history
 from mrjax.core.parameters import Parameters, per_particle
 from mrjax.core.tracing import concrete
-from mrjax.history import Memory
+from mrjax.dem import contact_history
+from mrjax.dem.contact_history import Memory
+from mrjax.dem.pairs import Pairs
 from mrjax.kernel.operation import pairwise
 from mrjax.laws import effective, particle, rolling, tangential
 from mrjax.laws.effective import Surfaces
 from mrjax.laws.normal import LEAST_DISTANCE, normal_force
 from mrjax.laws.vectors import Vector, cross, dot, plus, times
-from mrjax.pairs import Pairs
 
 
 @dataclass(frozen=True)
@@ -273,7 +273,7 @@ def _contact(
     turn, twist = times(time_step, meeting.turning), time_step * meeting.twisting
     touching = _time_in_contact(meeting, time_step)
     if slid is not None:
-        stretch = plus(history.turned(slid, normal, turn, twist), touching, meeting.slip)
+        stretch = plus(contact_history.turned(slid, normal, turn, twist), touching, meeting.slip)
         grip, slid = tangential.tangential_force(
             stretch,
             meeting.slip,
@@ -291,7 +291,7 @@ def _contact(
         lever = cross(normal, grip)
         torques = times(-meeting.arm, lever), times(-meeting.their_arm, lever)
     if rolled is not None:
-        roll = plus(history.turned(rolled, normal, turn, twist), touching, meeting.rolling)
+        roll = plus(contact_history.turned(rolled, normal, turn, twist), touching, meeting.rolling)
         resistance, rolled = rolling.rolling_torque(
             roll,
             meeting.rolling,

@@ -6,16 +6,17 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from mrjax import forces, history, neighbours, pairs, schedule
 from mrjax.core import checks
 from mrjax.core.box import Box
 from mrjax.core.parameters import Parameters
 from mrjax.core.state import State
 from mrjax.core.tracing import concrete, known, where_known
 from mrjax.core.units import Units
-from mrjax.forces import Loads
+from mrjax.dem import contact_history, neighbours, pairs, schedule
+from mrjax.dem.forces import contact
+from mrjax.dem.forces.contact import Loads
+from mrjax.dem.pairs import Pairs
 from mrjax.laws import effective, normal, particle
-from mrjax.pairs import Pairs
 
 
 def contact_forces(state: State, parameters: Parameters, box: Box) -> tuple[Array, Array]:
@@ -122,7 +123,7 @@ def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, Load
     length = diameter / 2
     units = Units(mass=1000.0 * length**3, length=length, time=length)
     reduced = parameters.reduced(units).astype(state.position.dtype)
-    laws = forces.laws(parameters)
+    laws = contact.laws(parameters)
     position = state.position / units.length
     scaled = box.scaled(1 / units.length)
     plan = schedule.list_plan(state, radius, box, diameter, skin=0.0)
@@ -135,7 +136,7 @@ def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, Load
         if overflow is None or not overflow:
             break
         plan = plan.grown(int(overflow), state.particles)
-    notes = history.recalled(
+    notes = contact_history.recalled(
         state.contacts,
         state.position,
         slots=plan.capacity + 2 * len(box.walled_axes),
@@ -143,12 +144,12 @@ def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, Load
         rolling=laws.rolling,
         unit_length=units.length,
     )
-    law = forces.of_contacts(reduced, laws=laws, material=state.material, time_step=0.0)
+    law = contact.of_contacts(reduced, laws=laws, material=state.material, time_step=0.0)
     found = law(listed)(
         jnp.zeros_like(position.T),
         state.velocity.T / units.velocity,
         state.spin.T * units.time,
-        history.begun(notes, listed),
+        contact_history.begun(notes, listed),
         jnp.zeros_like(position, shape=plan.pairs),
         jnp.ones_like(position, shape=2),
     )

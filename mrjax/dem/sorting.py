@@ -12,7 +12,7 @@ from jax import Array, lax
 from mrjax.core.box import Box
 from mrjax.core.parameters import Parameters
 from mrjax.core.state import State
-from mrjax.history import Contacts
+from mrjax.dem.contact_history import Contacts
 
 MANY = 4096
 """Fewer particles fit into the fastest memory in any order."""

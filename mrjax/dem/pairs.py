@@ -11,9 +11,9 @@ import jax.numpy as jnp
 from jax import Array, lax
 
 from mrjax.core.box import Box
+from mrjax.dem.neighbours import PAIRS_DROPPED, Neighbours
 from mrjax.laws import normal
 from mrjax.laws.vectors import Vector
-from mrjax.neighbours import PAIRS_DROPPED, Neighbours
 
 WALLS = 6
 """They have the ids from N on: those at the lower and upper end of x, then y, then z."""

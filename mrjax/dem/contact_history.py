@@ -16,7 +16,7 @@ from jax.typing import DTypeLike
 from mrjax.laws.vectors import Vector, cross, dot, plus, times
 
 if TYPE_CHECKING:
-    from mrjax.pairs import Pairs  # which comes with jax-md, that a state does without
+    from mrjax.dem.pairs import Pairs  # which comes with jax-md, that a state does without
 
 NOBODY = -1
 WALLS = (-2, -3, -4, -5, -6, -7)

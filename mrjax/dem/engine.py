@@ -12,20 +12,21 @@ import numpy as np
 from jax import Array, lax
 from jax.typing import DTypeLike
 
-from mrjax import forces, history, leapfrog, neighbours, pairs, stability
 from mrjax.core.box import Box
 from mrjax.core.parameters import Parameters, per_particle
 from mrjax.core.run import Fault
 from mrjax.core.trajectory import Trajectory
 from mrjax.core.units import Units
-from mrjax.forces import Laws
-from mrjax.history import Memory, Notes
+from mrjax.dem import contact_history, integrator, neighbours, pairs, stability
+from mrjax.dem.contact_history import Memory, Notes
+from mrjax.dem.forces import contact
+from mrjax.dem.forces.contact import Laws
+from mrjax.dem.integrator import Kick
+from mrjax.dem.neighbours import Plan
+from mrjax.dem.pairs import Pairs
+from mrjax.dem.stability import Swing
 from mrjax.laws import effective, particle
 from mrjax.laws.hindrance import Hindrance, hindered
-from mrjax.leapfrog import Kick
-from mrjax.neighbours import Plan
-from mrjax.pairs import Pairs
-from mrjax.stability import Swing
 
 DEEPEST = 0.25
 """Overlap, as a fraction of the radius, beyond which Hertz's law is not a description."""
@@ -113,8 +114,8 @@ class Engine:
         self.particles, self.dtype = particles, dtype
         self.box, self.plan, self.steps = box, plan, steps
         self.laws, self.trajectory = laws, trajectory
-        self.law = forces.of_contacts(parameters, laws=laws, material=material)
-        self.pull = forces.pull(parameters, particles)
+        self.law = contact.of_contacts(parameters, laws=laws, material=material)
+        self.pull = contact.pull(parameters, particles)
         self.radius = per_particle(particle.outer_radius(parameters), particles)
         self.skin_left = plan.cutoff - 2.0 * jnp.max(self.radius)
         # Without hindrance they do not depend on where the particles are.
@@ -129,7 +130,7 @@ class Engine:
             travelled,
             velocity,
             spin,
-            history.begun(notes, listed),
+            contact_history.begun(notes, listed),
             jnp.zeros(self.particles, self.dtype),
             stability.unknown(self.particles, self.dtype),
             listed.overflow,
@@ -153,13 +154,13 @@ class Engine:
                 found = loads(half_way, velocity, spin, memory, deepest, gains)
                 return keep, falling + found.force, (found, spin_keep)
 
-            half_way, velocity, (found, spin_keep) = leapfrog.step(half_way, velocity, kick, 1.0)
-            spin = leapfrog.kicked(spin, spin_keep, found.torque)
+            half_way, velocity, (found, spin_keep) = integrator.step(half_way, velocity, kick, 1.0)
+            spin = integrator.kicked(spin, spin_keep, found.torque)
             gone = lax.stop_gradient(sum(half_way**2))
             farthest = jnp.maximum(farthest, jnp.where(looked_at, gone, 0.0))
             return (half_way, velocity, spin, found.memory, found.deepest, farthest), None
 
-        half_way = leapfrog.drifted(motion.travelled, motion.velocity, 0.5)
+        half_way = integrator.drifted(motion.travelled, motion.velocity, 0.5)
         begin = (
             half_way,
             motion.velocity,
@@ -171,7 +172,7 @@ class Engine:
         # Contacts are looked at half-way; where the last step leads, the next interval looks.
         looked_at = np.arange(self.steps) < self.steps - 1
         (half_way, velocity, spin, memory, deepest, farthest), _ = lax.scan(step, begin, looked_at)
-        travelled = leapfrog.drifted(half_way, velocity, -0.5)
+        travelled = integrator.drifted(half_way, velocity, -0.5)
         outran = (2.0 * jnp.sqrt(jnp.max(farthest)) > self.skin_left) & (self.particles > 1)
         fault = motion.fault | jnp.where(outran, int(Fault.OUTRAN_LIST), 0)
         constants = effective.of(self.parameters, self.material, listed)
@@ -199,7 +200,7 @@ class Engine:
         """What it comes to, with every fault that shows by now."""
         overlap, coating = self._depths(motion)
         fault = self._faults(motion, overlap, coating)
-        return Outcome(history.noted(motion.memory, motion.listed), overlap, coating, fault)
+        return Outcome(contact_history.noted(motion.memory, motion.listed), overlap, coating, fault)
 
     def _depths(self, motion: Motion) -> tuple[Array, Array]:
         """Deepest overlap, in radii and in thicknesses of the coating, () each."""
@@ -216,7 +217,7 @@ class Engine:
         felt = self.parameters
         if self.hindrance is not None and position is not None:
             felt = hindered(self.parameters, self.hindrance, self.box, position, spacing=2.0)
-        return leapfrog.kick(felt, 1.0), leapfrog.spin_kick(felt, 1.0)
+        return integrator.kick(felt, 1.0), integrator.spin_kick(felt, 1.0)
 
     def _pushes(self, position: Array | None = None) -> tuple[Array, Array, Array, Array]:
         """What a step keeps of velocities and of spins, its gains, and what gravity adds."""
@@ -251,7 +252,9 @@ class Engine:
             listed=listed,
             origin=origin,
             travelled=travelled,
-            memory=history.begun(history.noted(motion.memory, motion.listed), listed),
+            memory=contact_history.begun(
+                contact_history.noted(motion.memory, motion.listed), listed
+            ),
             fault=motion.fault | listed.overflow,
         )
 

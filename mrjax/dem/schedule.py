@@ -9,15 +9,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jax.typing import ArrayLike
 
-from mrjax import neighbours
 from mrjax.core.box import Box
 from mrjax.core.errors import InputError
 from mrjax.core.parameters import Parameters
 from mrjax.core.state import State
 from mrjax.core.tracing import where_known
+from mrjax.dem import neighbours
+from mrjax.dem.neighbours import Plan
 from mrjax.laws import particle, time_scales
 from mrjax.laws.time_scales import Mode
-from mrjax.neighbours import Plan
 
 MOST_STEPS = 2**31 - 1
 MOST_STEPS_BETWEEN_REBUILDS = 128

@@ -12,19 +12,19 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array, lax
 
-from mrjax import history, order
 from mrjax.core.box import Box
 from mrjax.core.parameters import Parameters, per_particle
 from mrjax.core.run import Fault, Run
 from mrjax.core.state import State
 from mrjax.core.units import Units
-from mrjax.engine import Engine, Motion, Observed, Outcome
-from mrjax.forces import Laws
-from mrjax.history import Notes
+from mrjax.dem import contact_history, sorting
+from mrjax.dem.contact_history import Notes
+from mrjax.dem.engine import Engine, Motion, Observed, Outcome
+from mrjax.dem.forces.contact import Laws
+from mrjax.dem.neighbours import Plan
+from mrjax.dem.schedule import Schedule
 from mrjax.laws import particle
 from mrjax.laws.hindrance import Hindrance
-from mrjax.neighbours import Plan
-from mrjax.schedule import Schedule
 
 ROOM = 2e8
 """Bytes that reverse mode may keep before it computes frames a second time."""
@@ -66,17 +66,17 @@ def attempt(
     state: State, parameters: Parameters, hindrance: Hindrance | None, box: Box, setup: Setup
 ) -> Run:
     """One run with all decided, whose faults may be mended; of many particles in order of space."""
-    if state.particles < order.MANY:
+    if state.particles < sorting.MANY:
         return _in_reduced_units(state, parameters, hindrance, box, setup)
-    places = order.in_space(state.position, box, setup.plan.cell * setup.unit_length)
-    state, parameters = order.arranged(state, places), order.of_each(parameters, places)
+    places = sorting.in_space(state.position, box, setup.plan.cell * setup.unit_length)
+    state, parameters = sorting.arranged(state, places), sorting.of_each(parameters, places)
     run = _in_reduced_units(state, parameters, hindrance, box, setup)
     back = jnp.argsort(places)
     return replace(
         run,
         heights=run.heights[:, back],
         radius=run.radius[back],
-        state=order.arranged(run.state, back),
+        state=sorting.arranged(run.state, back),
         trajectory=jax.tree.map(lambda rows: rows[:, back], run.trajectory),
     )
 
@@ -108,7 +108,7 @@ def reduced(
 ) -> tuple[Array, Array, Array, Notes, Parameters]:
     """Positions, velocities and spins, (3, N) each, memories and parameters in reduced units."""
     units = setup.units
-    notes = history.recalled(
+    notes = contact_history.recalled(
         state.contacts,
         state.position,
         slots=setup.plan.capacity + 2 * len(box.walled_axes),
@@ -153,7 +153,7 @@ def in_lab_units(
         position=sound * units.length * end.position.T,
         velocity=sound * units.velocity * end.velocity.T,
         spin=sound / units.time * end.spin.T,
-        contacts=history.recorded(outcome.notes, sound, units.length),
+        contacts=contact_history.recorded(outcome.notes, sound, units.length),
     )
     radius = particle.outer_radius(parameters)
     times = np.linspace(0.0, setup.duration, setup.cuts.frames + 1)

@@ -8,12 +8,12 @@ import jax.numpy as jnp
 from jax import Array, lax
 
 from mrjax.core import randomness
+from mrjax.dem.integrator import Kick
+from mrjax.dem.pairs import Pairs
 from mrjax.kernel.operation import pairwise
 from mrjax.laws import normal, tangential
 from mrjax.laws.effective import Surfaces
 from mrjax.laws.vectors import cross, dot, plus, times
-from mrjax.leapfrog import Kick
-from mrjax.pairs import Pairs
 
 ITERATIONS = 8
 MOST = 0.95
@@ -60,7 +60,7 @@ def swing(
       listed, constants: the contacts of the bed.
       overlap: of each, m; not positive where there is none; (P,).
       radius: of the particles, (N,).
-      kick, spin_kick: of the step, `leapfrog.kick`.
+      kick, spin_kick: of the step, `integrator.kick`.
       sliding: whether friction acts.
     """
     normal, tangential = _stiffnesses(listed, constants, overlap, sliding)

@@ -1,0 +1,1 @@
+"""The forces on every particle, one file a force. Drag is part of the integrator."""
