@@ -97,7 +97,7 @@ def _new_experiment(context: click.Context, _option: click.Parameter, file: Path
 @click.option(
     "--predict",
     metavar="RECIPE",
-    shell_complete=commands.sheet_names("mrjax.recipes"),
+    shell_complete=commands.sheet_names("mrjax.recipe.bundled"),
     help="Predicts a recipe that was not measured.",
 )
 @click.option("--like", metavar="SAMPLE", help="The sample whose parameters that recipe shares.")

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Annotated, Literal, NamedTuple, Self
 
 from jax.typing import ArrayLike
+from mrjax.recipe.recipe.sheets import FileName, Name, Sheet
 from pydantic import Field, field_validator, model_validator
 
 from calibrate import curve, sense
@@ -14,9 +15,9 @@ from calibrate.curve import CurveSheet
 from calibrate.fitted import Fitted, ParameterSheet, fitted
 from calibrate.suspension import BED, CLOSURE, Suspension, refuse_unknown, suspension
 from calibrate.units import RATIO_UNITS, VELOCITY_UNITS, one_of
-from mrjax import InputError, Recipe, reading, sheets
+from mrjax import InputError, Recipe, reading
 from mrjax.core.errors import shown
-from mrjax.sheets import FileName, Name, Sheet
+from mrjax.recipe.recipe import sheets
 
 MOST = 1000
 """Samples, or parameters, of an experiment."""

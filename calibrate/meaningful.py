@@ -6,12 +6,13 @@ A fit whose data leave a quantity open ends within them, and not at 1e43.
 from functools import cache
 from typing import Any
 
+from mrjax.recipe.recipe.recipe import LARGEST_BOX, LARGEST_FACTOR, LEAST_FACTOR, Recipe
+from mrjax.recipe.recipe.sheets import LARGEST, SMALLEST, Sheet
+
 from calibrate.data import Experiment
 from calibrate.fitted import Fitted
 from calibrate.suspension import BED, CLOSURE
-from mrjax import recipe
-from mrjax.recipe import LARGEST_BOX, LARGEST_FACTOR, LEAST_FACTOR, Recipe
-from mrjax.sheets import LARGEST, SMALLEST, Sheet
+from mrjax.recipe.recipe import recipe
 
 OF_SHEET: dict[str, tuple[type[Sheet], str]] = {
     "particle_density": (recipe.Particle, "density"),

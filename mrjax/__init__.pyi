@@ -2,12 +2,12 @@
 
 from . import figures as figures
 from . import laws as laws
-from .column import Column as Column
-from .column import column as column
-from .column import column_steps as column_steps
-from .compression import Compression as Compression
 from .concentration import bed_front as bed_front
 from .concentration import concentration as concentration
+from .continuum.column import Column as Column
+from .continuum.column import column as column
+from .continuum.column import column_steps as column_steps
+from .continuum.compression import Compression as Compression
 from .core.box import Box as Box
 from .core.errors import InputError as InputError
 from .core.errors import SimulationError as SimulationError
@@ -38,7 +38,7 @@ from .observe import mudline_descent as mudline_descent
 from .observe import reynolds_number as reynolds_number
 from .observe import sedimentation_ratio as sedimentation_ratio
 from .observe import settling_velocity as settling_velocity
-from .recipe import Recipe as Recipe
+from .recipe.recipe import Recipe as Recipe
 from .run_file import load_run as load_run
 from .run_file import save_run as save_run
 from .sedimentation import Sedimentation as Sedimentation

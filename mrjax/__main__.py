@@ -47,7 +47,7 @@ def cli() -> None:
       mrjax simulate mine.toml --ensemble 64 --distributed node7:1234,4,0   # 1, 2, 3 elsewhere
     """,
 )
-@click.argument("recipe", shell_complete=commands.sheet_names("mrjax.recipes"))
+@click.argument("recipe", shell_complete=commands.sheet_names("mrjax.recipe.bundled"))
 @commands.out_option("run")
 @click.option("--duration", type=float, metavar="SECONDS", help="Physical time to cover.")
 @click.option(
@@ -342,7 +342,7 @@ def _at_rest(whole: "Sedimentation") -> dict[str, Any]:
 @click.argument("file", type=click.Path(path_type=Path))
 def new(file: Path) -> None:
     """Copies the template."""
-    text = resources.files("mrjax").joinpath("template.toml").read_text("utf-8")
+    text = resources.files("mrjax.recipe").joinpath("template.toml").read_text("utf-8")
     commands.write_new({file: text})
     commands.echo(f"Change {file}, then: mrjax check {file}")
 
@@ -361,7 +361,7 @@ def new(file: Path) -> None:
       mrjax check mine.toml --json
     """,
 )
-@click.argument("recipe", shell_complete=commands.sheet_names("mrjax.recipes"))
+@click.argument("recipe", shell_complete=commands.sheet_names("mrjax.recipe.bundled"))
 @commands.quiet_option
 @commands.json_option
 def check(recipe: str, quiet: bool, as_json: bool) -> None:

@@ -22,7 +22,7 @@ from mrjax.core.errors import InputError, SimulationError, shown
 from mrjax.core.text import in_message, in_terminal
 
 if TYPE_CHECKING:
-    from mrjax.recipe import Recipe
+    from mrjax.recipe.recipe.recipe import Recipe
 
 UNTRUSTED, WRONG_INPUT, REFUSED, INTERRUPTED = 1, 2, 3, 130
 """Exit statuses beside 0."""
@@ -162,7 +162,7 @@ def sheet_names(package: str) -> Callable[..., list[CompletionItem]]:
     def complete(
         _context: click.Context, _parameter: click.Parameter, begun: str
     ) -> list[CompletionItem]:
-        from mrjax import sheets
+        from mrjax.recipe.recipe import sheets
 
         names = [*sorted(sheets.bundled(package)), *sorted(map(str, Path().glob("*.toml")))]
         # One that is no line of text would be another answer to the shell.

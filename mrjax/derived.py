@@ -12,7 +12,7 @@ from mrjax.core.parameters import Parameters
 from mrjax.core.units import MM_PER_DAY
 from mrjax.laws import closed_forms, dimensionless, particle, time_scales
 from mrjax.overlap import OVERLAP
-from mrjax.recipe import Recipe
+from mrjax.recipe.recipe.recipe import Recipe
 from mrjax.soften import softened
 
 

@@ -19,7 +19,7 @@ from mrjax.core.parameters import Parameters
 from mrjax.core.run import Run
 from mrjax.disperse import disperse
 from mrjax.overlap import OVERLAP
-from mrjax.recipe import Recipe
+from mrjax.recipe.recipe.recipe import Recipe
 from mrjax.settle import settle
 from mrjax.soften import softened
 

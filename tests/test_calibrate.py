@@ -266,7 +266,7 @@ value = 1.1
 @pytest.fixture
 def tube(tmp_path):
     """An experiment with a curve, a coefficient, bounds and a held value."""
-    recipe = (resources.files("mrjax.recipes") / "case2.toml").read_text("utf-8")
+    recipe = (resources.files("mrjax.recipe.bundled") / "case2.toml").read_text("utf-8")
     recipe = recipe.replace('f_w = "son2018"', 'f_w = "richardson-zaki"\nlocal = true')
     (tmp_path / "local.toml").write_text(recipe)
     (tmp_path / "a.csv").write_text("time,mudline\n1,99\n2,97\n24,80\n")
@@ -429,7 +429,7 @@ def test_what_another_prior_bounds_is_not_called_undetermined(tube):
 def test_a_fit_warns_where_the_model_ends(tube):
     """Grains of 2 mm in oil that fall at 20 mm/s, whatever is fitted."""
     coarse = tube.parent / "coarse.toml"
-    sheet = resources.files("mrjax.recipes").joinpath("case2.toml").read_text("utf-8")
+    sheet = resources.files("mrjax.recipe.bundled").joinpath("case2.toml").read_text("utf-8")
     coarse.write_text(
         sheet.replace("4e-6", "2e-3").replace("25e-6", "0.0125").replace("50e-6", "0.025")
     )

@@ -12,9 +12,9 @@ from scipy.integrate import quad
 from scipy.optimize import brentq
 
 import mrjax
-from mrjax import kynch
-from mrjax.column import column, column_steps
-from mrjax.compression import Compression
+from mrjax.continuum import kynch
+from mrjax.continuum.column import column, column_steps
+from mrjax.continuum.compression import Compression
 from mrjax.laws import drag
 
 column_module = sys.modules["mrjax.column"]  # the package's name for it is the function

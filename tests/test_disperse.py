@@ -13,7 +13,7 @@ import mrjax
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 
-CASE2 = resources.files("mrjax.recipes").joinpath("case2.toml").read_text()
+CASE2 = resources.files("mrjax.recipe.bundled").joinpath("case2.toml").read_text()
 
 
 def recipe_of(folder, particle: float, size: list[float], periodic=(False, False, False)):

@@ -53,9 +53,12 @@ def accepted(call):
 
 # Files that are right ---------------------------------------------------------------------------
 
-TEMPLATE = resources.files("mrjax").joinpath("template.toml").read_text()
+TEMPLATE = resources.files("mrjax.recipe").joinpath("template.toml").read_text()
 CASES = [
-    *(resources.files("mrjax.recipes").joinpath(f"case{i}.toml").read_text() for i in (1, 2, 3)),
+    *(
+        resources.files("mrjax.recipe.bundled").joinpath(f"case{i}.toml").read_text()
+        for i in (1, 2, 3)
+    ),
     TEMPLATE,
     "\n".join(
         line.replace("#? ", "").replace("particle = 0.80", "particle = 0.784")

@@ -248,7 +248,9 @@ def test_laws_that_do_not_hold_in_a_bed_are_refused(f_w):
 
 
 def test_refused_in_one_line_from_a_file(tmp_path):
-    text = (mrjax.recipe.Path(mrjax.recipe.__file__).parent / "recipes/case2.toml").read_text()
+    text = (
+        mrjax.recipe.recipe.Path(mrjax.recipe.recipe.__file__).parent / "recipes/case2.toml"
+    ).read_text()
     file = tmp_path / "mine.toml"
     file.write_text(text.replace('f_w = "son2018" ', "local = true\nf_w = 48.0 "))
     with pytest.raises(mrjax.InputError, match=r"drag\.local = true") as refusal:

@@ -30,7 +30,7 @@ installed = pytest.mark.skipif(
 
 def start_from_the_template(folder: Path) -> Path:
     """An experiment as `mrjax-calibrate --new` writes it, beside the recipe of `mrjax new`."""
-    recipe = (Path(mrjax.__file__).parent / "template.toml").read_text("utf-8")
+    recipe = (Path(mrjax.__file__).parent / "recipe" / "template.toml").read_text("utf-8")
     (folder / "mine.toml").write_text(recipe, "utf-8")
     file = folder / "tube.toml"
     with pytest.raises(SystemExit) as ended:

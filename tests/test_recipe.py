@@ -13,8 +13,8 @@ import mrjax
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 
-CASE3 = resources.files("mrjax.recipes").joinpath("case3.toml").read_text()
-CASE2 = resources.files("mrjax.recipes").joinpath("case2.toml").read_text()
+CASE3 = resources.files("mrjax.recipe.bundled").joinpath("case3.toml").read_text()
+CASE2 = resources.files("mrjax.recipe.bundled").joinpath("case2.toml").read_text()
 
 
 def edited(text: str, *changes: tuple[str, str]) -> str:

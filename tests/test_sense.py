@@ -159,7 +159,7 @@ def test_readings_that_say_nothing_determine_nothing(tmp_path, lines, model):
 
 def test_a_bed_is_no_thinner_than_its_suspension(tmp_path):
     """Readings at the height, by all of their errors: the bed ends as dense as the suspension."""
-    sheet = resources.files("mrjax.recipes").joinpath("case2.toml").read_text("utf-8")
+    sheet = resources.files("mrjax.recipe.bundled").joinpath("case2.toml").read_text("utf-8")
     (tmp_path / "mine.toml").write_text(sheet)
     lines = "0,100\n200,101\n300,100.5\n400,101\n"
     load(tmp_path, lines, recipe="mine.toml")

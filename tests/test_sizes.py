@@ -8,8 +8,8 @@ from scipy.integrate import quad
 from scipy.stats import lognorm
 
 import mrjax
-from mrjax import sizes
 from mrjax.laws import particle
+from mrjax.recipe.recipe import sizes
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 
@@ -135,7 +135,7 @@ def test_wrong_sizes_get_one_line(diameter, words, case2, tmp_path):
     sheet = case2.model_dump()
     sheet["particle"]["diameter"] = diameter
     with pytest.raises(mrjax.InputError) as refusal:
-        mrjax.sheets.validated(mrjax.Recipe, {**sheet, "box": case2.box}, "mine.toml")
+        mrjax.recipe.sheets.validated(mrjax.Recipe, {**sheet, "box": case2.box}, "mine.toml")
     message = str(refusal.value)
     assert message.startswith("mine.toml: ") and "\n" not in message
     assert all(word in message for word in words), message

@@ -364,7 +364,7 @@ def test_the_settings_of_others_do_not_change_what_labels_mean(tmp_path):
 
 @each_name
 def test_a_sheet_takes_a_printable_name_and_refuses_another_in_one_line(name):
-    tables = tomllib.loads(mrjax.sheets.bundled("mrjax.recipes")["case2"].read_text())
+    tables = tomllib.loads(mrjax.recipe.sheets.bundled("mrjax.recipe.bundled")["case2"].read_text())
     if name in PRINTABLE.values():
         assert Recipe(**tables | {"name": name}).name == name
         return
@@ -375,7 +375,7 @@ def test_a_sheet_takes_a_printable_name_and_refuses_another_in_one_line(name):
 
 @pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
 def test_keys_of_any_name_are_told_in_one_printable_line(name):
-    tables = tomllib.loads(mrjax.sheets.bundled("mrjax.recipes")["case2"].read_text())
+    tables = tomllib.loads(mrjax.recipe.sheets.bundled("mrjax.recipe.bundled")["case2"].read_text())
     box, particle = dict(tables["box"]), dict(tables["particle"])
     for changes in (
         {name: 1},
@@ -413,7 +413,7 @@ def in_a_terminal(*arguments, module="mrjax", folder=None) -> tuple[int, str]:
 
 
 def test_a_terminal_shows_keys_and_names_of_a_sheet_quoted(tmp_path):
-    case2 = mrjax.sheets.bundled("mrjax.recipes")["case2"].read_text()
+    case2 = mrjax.recipe.sheets.bundled("mrjax.recipe.bundled")["case2"].read_text()
     keys = "".join(map(text.in_toml, UNPRINTABLE.values())).replace('""', "")
     closure = f'f_w = {{closure = "son2018", {keys} = 1.0}}'
     (tmp_path / "key.toml").write_text(re.sub(r'f_w = "son2018"', lambda _: closure, case2))
@@ -439,7 +439,9 @@ def test_a_new_experiment_names_its_readings_whatever_they_are_called(
 ):
     monkeypatch.chdir(tmp_path)
     calibrating = partial(in_process, calibrate.__main__.cli, "mrjax-calibrate")
-    Path("mine.toml").write_text(mrjax.sheets.bundled("mrjax.recipes")["case2"].read_text())
+    Path("mine.toml").write_text(
+        mrjax.recipe.sheets.bundled("mrjax.recipe.bundled")["case2"].read_text()
+    )
     for name in ("a\"b'c.toml", "$x$ {y} \\.toml", "-x.toml", "試料.toml"):
         status, said = calibrating(["--new", f"./{name}"], capsys, monkeypatch)
         assert status == 0, said
@@ -464,7 +466,7 @@ def test_a_shell_completes_no_file_whose_name_is_more_than_a_line(tmp_path, monk
     for name in NAMES.values():
         if len(name) < 200 and "/" not in name and "\x00" not in name:
             Path(f"a{name}.toml").touch()
-    complete = commands.sheet_names("mrjax.recipes")
+    complete = commands.sheet_names("mrjax.recipe.bundled")
     found = [one.value for one in complete(None, None, "a")]
     assert "a$x.toml" in found and all(name.isprintable() for name in found)
 

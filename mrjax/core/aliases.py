@@ -67,7 +67,7 @@ OLD_NAMES = {
     "processes": "simulation.processes",
     "randomness": "core.randomness",
     "reading": "io.reading",
-    "recipe": "recipe.recipe",
+    "recipes": "recipe.bundled",
     "refusals": "core.refusals",
     "reproduce": "paper.table",
     "results": "io.results",

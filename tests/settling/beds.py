@@ -7,13 +7,13 @@ from pathlib import Path
 
 import jax
 import numpy as np
+from mrjax.recipe.recipe.recipe import Recipe
 
 import mrjax
 from mrjax import observe
 from mrjax.core.box import Box
 from mrjax.core.run import Run
 from mrjax.dropped import dropped
-from mrjax.recipe import Recipe
 from mrjax.sedimentation import OVERLAP
 
 FILE = Path(__file__).parent / "beds.csv"

@@ -10,9 +10,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from mrjax.recipe.recipe.recipe import Recipe
 
 import mrjax
-from mrjax.recipe import Recipe
 from mrjax.sedimentation import OVERLAP
 
 FRAMES = 5

@@ -7,6 +7,7 @@ walls. Beds are kept in the output folder, as they take a minute each.
 from pathlib import Path
 
 import numpy as np
+from mrjax.recipe.recipe.recipe import Recipe
 
 import mrjax
 from mrjax.core.box import Box
@@ -18,7 +19,6 @@ from mrjax.dem.scan import Setup
 from mrjax.dropped import ELASTIC_MODULUS, REST, RESTITUTION
 from mrjax.overlap import OVERLAP
 from mrjax.pieces import Pieces
-from mrjax.recipe import Recipe
 from mrjax.simulate import prepared
 
 FRICTION = 0.5

@@ -22,15 +22,15 @@ from pydantic import (
     model_validator,
 )
 
-from mrjax import sheets, sizes
 from mrjax.core.box import AXES, Box
 from mrjax.core.errors import InputError, shown, shown_key
 from mrjax.core.numpy_evaluation import by_numpy
 from mrjax.core.parameters import Parameters
 from mrjax.laws import drag
 from mrjax.laws.hindrance import DENSEST, Hindrance
-from mrjax.sheets import Name, Sheet
-from mrjax.sizes import Sizes
+from mrjax.recipe.recipe import sheets, sizes
+from mrjax.recipe.recipe.sheets import Name, Sheet
+from mrjax.recipe.recipe.sizes import Sizes
 
 RANDOM_CLOSE_PACKING = 0.64
 """Volume fraction above which equal spheres cannot be dispersed (Desmond & Weeks, 0903.0864)."""
@@ -306,7 +306,7 @@ class Recipe(Sheet):
           >>> recipe.particle_count, round(recipe.volume_fraction, 4)
           (314, 0.3372)
         """
-        table, _ = sheets.read(source, "mrjax.recipes", "recipe")
+        table, _ = sheets.read(source, "mrjax.recipe.bundled", "recipe")
         return sheets.validated(cls, table, str(source))
 
     def replace(self, **changes: Any) -> "Recipe":
