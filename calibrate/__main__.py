@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mrjax import InputError, SimulationError, commands
+from mrjax import InputError, SimulationError
+from mrjax.cli import commands
 from mrjax.core.text import in_toml
 
 if TYPE_CHECKING:
@@ -137,8 +138,8 @@ def cli(
     from calibrate.posterior import posterior as sampled
     from calibrate.posterior import refuse_without_sampler
     from calibrate.profile import profiles
-    from mrjax import files
-    from mrjax.resume import kept
+    from mrjax.cli.resume import kept
+    from mrjax.io import files
 
     loaded = Experiment.load(experiment)
     for warning in loaded.warnings:  # before the work that it may save

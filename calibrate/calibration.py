@@ -12,7 +12,7 @@ from calibrate.fit import Fit, fit
 from calibrate.predict import ForwardModelMaker
 from calibrate.residuals import Problem
 from mrjax import SimulationError
-from mrjax.checkpoint import refuse_foreign
+from mrjax.io.checkpoint import refuse_foreign
 
 MOST_PREPARED = 4
 """How often at most; a factor of 3 in velocity each."""

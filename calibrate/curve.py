@@ -14,12 +14,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
-from mrjax.recipe.recipe.sheets import LARGEST, SMALLEST, FileName, Sheet
 from pydantic import Field
 
 from calibrate.units import CURVES, HEIGHT_UNITS, RATIO_UNITS, TIME_UNITS, one_of
-from mrjax import InputError, reading
+from mrjax import InputError
 from mrjax.core.errors import shown
+from mrjax.io import reading
+from mrjax.recipe.sheets import LARGEST, SMALLEST, FileName, Sheet
 
 ERROR = "standard_deviation"
 MOST_BYTES = 10**7

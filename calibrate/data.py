@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated, Literal, NamedTuple, Self
 
 from jax.typing import ArrayLike
-from mrjax.recipe.recipe.sheets import FileName, Name, Sheet
 from pydantic import Field, field_validator, model_validator
 
 from calibrate import curve, sense
@@ -15,9 +14,11 @@ from calibrate.curve import CurveSheet
 from calibrate.fitted import Fitted, ParameterSheet, fitted
 from calibrate.suspension import BED, CLOSURE, Suspension, refuse_unknown, suspension
 from calibrate.units import RATIO_UNITS, VELOCITY_UNITS, one_of
-from mrjax import InputError, Recipe, reading
+from mrjax import InputError, Recipe
 from mrjax.core.errors import shown
-from mrjax.recipe.recipe import sheets
+from mrjax.io import reading
+from mrjax.recipe import sheets
+from mrjax.recipe.sheets import FileName, Name, Sheet
 
 MOST = 1000
 """Samples, or parameters, of an experiment."""

@@ -28,9 +28,9 @@ from calibrate import levenberg
 from calibrate.levenberg import Bounds, Point
 from calibrate.waiting import stoppable, watched
 from mrjax import InputError
-from mrjax.checkpoint import Checkpoint, digest, refuse_foreign
 from mrjax.core import randomness
 from mrjax.core.promotion import permissive
+from mrjax.io.checkpoint import Checkpoint, digest, refuse_foreign
 
 CONVERGED_BELOW = 1e-4
 """Expected gain in chi-squared of one more Gauss-Newton step at which a fit counts as converged:

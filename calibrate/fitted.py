@@ -9,12 +9,12 @@ from typing import Self
 
 from jax import Array
 from jax.typing import ArrayLike
-from mrjax.recipe.recipe.sheets import Name, Sheet
 from pydantic import Field, model_validator
 
 from calibrate.fit import LogNormal
 from calibrate.suspension import BED
 from mrjax.core.errors import shown
+from mrjax.recipe.sheets import Name, Sheet
 
 
 class ParameterSheet(Sheet):

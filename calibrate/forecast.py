@@ -24,9 +24,9 @@ from calibrate.predict import ForwardModelMaker, as_measured, forward_model
 from calibrate.suspension import BED, CLOSURE, refuse_unknown
 from calibrate.units import VELOCITY_UNITS
 from mrjax import InputError, Recipe, SimulationError
-from mrjax.checkpoint import refuse_foreign
 from mrjax.core.promotion import permissive
 from mrjax.core.text import in_terminal
+from mrjax.io.checkpoint import refuse_foreign
 
 
 @dataclass(frozen=True)

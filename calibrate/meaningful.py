@@ -6,31 +6,39 @@ A fit whose data leave a quantity open ends within them, and not at 1e43.
 from functools import cache
 from typing import Any
 
-from mrjax.recipe.recipe.recipe import LARGEST_BOX, LARGEST_FACTOR, LEAST_FACTOR, Recipe
-from mrjax.recipe.recipe.sheets import LARGEST, SMALLEST, Sheet
-
 from calibrate.data import Experiment
 from calibrate.fitted import Fitted
 from calibrate.suspension import BED, CLOSURE
-from mrjax.recipe.recipe import recipe
+from mrjax.recipe.recipe import (
+    LARGEST_BOX,
+    LARGEST_FACTOR,
+    LEAST_FACTOR,
+    Coating,
+    Contact,
+    Drag,
+    Fluid,
+    Particle,
+    Recipe,
+)
+from mrjax.recipe.sheets import LARGEST, SMALLEST, Sheet
 
 OF_SHEET: dict[str, tuple[type[Sheet], str]] = {
-    "particle_density": (recipe.Particle, "density"),
-    "elastic_modulus": (recipe.Particle, "elastic_modulus"),
-    "poisson_ratio": (recipe.Particle, "poisson_ratio"),
-    "fluid_density": (recipe.Fluid, "density"),
-    "viscosity": (recipe.Fluid, "viscosity"),
-    "coating_density": (recipe.Coating, "density"),
-    "f_r": (recipe.Coating, "radius_factor"),
-    "wall_elastic_modulus": (recipe.Particle, "elastic_modulus"),
-    "wall_poisson_ratio": (recipe.Particle, "poisson_ratio"),
-    "friction": (recipe.Contact, "friction"),
-    "restitution": (recipe.Contact, "restitution"),
-    "dissipation": (recipe.Contact, "dissipation"),
-    "tangential_dissipation": (recipe.Contact, "tangential_dissipation"),
-    "rolling_friction": (recipe.Contact, "rolling_friction"),
-    "rolling_damping": (recipe.Contact, "rolling_damping"),
-    "added_mass": (recipe.Drag, "added_mass"),
+    "particle_density": (Particle, "density"),
+    "elastic_modulus": (Particle, "elastic_modulus"),
+    "poisson_ratio": (Particle, "poisson_ratio"),
+    "fluid_density": (Fluid, "density"),
+    "viscosity": (Fluid, "viscosity"),
+    "coating_density": (Coating, "density"),
+    "f_r": (Coating, "radius_factor"),
+    "wall_elastic_modulus": (Particle, "elastic_modulus"),
+    "wall_poisson_ratio": (Particle, "poisson_ratio"),
+    "friction": (Contact, "friction"),
+    "restitution": (Contact, "restitution"),
+    "dissipation": (Contact, "dissipation"),
+    "tangential_dissipation": (Contact, "tangential_dissipation"),
+    "rolling_friction": (Contact, "rolling_friction"),
+    "rolling_damping": (Contact, "rolling_damping"),
+    "added_mass": (Drag, "added_mass"),
     "gravity": (Recipe, "gravity"),
 }
 """The entry of a lab sheet for leaves of `mrjax.Parameters`."""

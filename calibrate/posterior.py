@@ -19,9 +19,9 @@ from calibrate.fit import Fit
 from calibrate.identify import identify, information
 from calibrate.waiting import stoppable
 from mrjax import InputError
-from mrjax.checkpoint import Checkpoint, refuse_foreign
 from mrjax.core import randomness
 from mrjax.core.promotion import permissive
+from mrjax.io.checkpoint import Checkpoint, refuse_foreign
 
 CHAINS, WARM_UP, SAMPLES = 4, 300, 500
 FEWEST = 4

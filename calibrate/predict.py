@@ -19,11 +19,12 @@ import mrjax
 from calibrate.data import Sample
 from calibrate.suspension import BED, CLOSURE, Suspension
 from calibrate.units import CURVES
-from mrjax import InputError, observe
+from mrjax import InputError
 from mrjax.core import checks
 from mrjax.core.tracing import concrete
 from mrjax.laws import particle, time_scales
-from mrjax.overlap import OVERLAP
+from mrjax.observables import interface
+from mrjax.simulation.overlap import OVERLAP
 
 RELAXATIONS = 40
 """Length of a run, and its number of steps: the start is forgotten to e^-40, and to 1e-5 where
@@ -162,7 +163,7 @@ def particles(
     if simulated:
         _refuse_other_paths(sample, varied)
         whole = _to_rest(recipe, near, state, checkpoint)
-        ratios = observe.sedimentation_ratio(whole)
+        ratios = interface.sedimentation_ratio(whole)
 
     def predict(suspension: Suspension) -> Prediction:
         parameters = suspension.parameters
@@ -284,7 +285,7 @@ def _bed(
         _refuse_other_paths(sample, varied)
         # Of a uniform bed; the top of a box of few particles is that of one of them.
         settled = _to_rest(sample.recipe, near, mrjax.disperse(sample.recipe, seed), checkpoint)
-        ratio = observe.sedimentation_ratio(settled, "twice-centre-of-mass")
+        ratio = interface.sedimentation_ratio(settled, "twice-centre-of-mass")
         return float(near.volume_fraction / ratio[-1])
     if near.bed_fraction is None:
         raise InputError(

@@ -28,8 +28,9 @@ from calibrate.posterior import Posterior
 from calibrate.profile import LEVELS, Profile
 from calibrate.residuals import Problem
 from calibrate.units import CURVES, TIME_UNITS
-from mrjax import Parameters, files, terminal_velocity
+from mrjax import Parameters, terminal_velocity
 from mrjax.core.text import in_code, in_html, in_markdown, in_terminal
+from mrjax.io import files
 from mrjax.laws import dimensionless
 
 SMALLEST_P = 1e-12

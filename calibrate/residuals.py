@@ -20,7 +20,7 @@ from calibrate.predict import (
     forward_model,
 )
 from mrjax import terminal_velocity
-from mrjax.checkpoint import refuse_foreign
+from mrjax.io.checkpoint import refuse_foreign
 
 HOLDS_WITHIN = 3.0
 """Factor on the velocity within which a forward model holds that is prepared for another: a run of

@@ -9,10 +9,10 @@ import jax.numpy as jnp
 from jax import Array
 from jax.tree_util import Partial
 from jax.typing import ArrayLike
-from mrjax.recipe.recipe.sheets import did_you_mean
 
 from mrjax import InputError, Parameters, Recipe
 from mrjax.laws.hindrance import Hindrance
+from mrjax.recipe.sheets import did_you_mean
 
 BED = "bed_fraction"
 CLOSURE = "f_w."

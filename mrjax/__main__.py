@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mrjax import commands
-from mrjax.overlap import MOST_OVERLAP, OVERLAP
+from mrjax.cli import commands
+from mrjax.simulation.overlap import MOST_OVERLAP, OVERLAP
 
 if TYPE_CHECKING:
     from mrjax.core.run import Run
-    from mrjax.sedimentation import Sedimentation
+    from mrjax.simulation.sedimentation import Sedimentation
 
 STEADY_AFTER = 10.0
 """Relaxation times after which a velocity is steady to 5e-5."""
@@ -123,10 +123,13 @@ def simulate(
     from tqdm import tqdm
 
     import mrjax
-    from mrjax import environment, figures, files, processes, results
+    from mrjax import figures
+    from mrjax.cli import environment
+    from mrjax.cli.resume import kept
     from mrjax.core import checks
+    from mrjax.io import files, results
     from mrjax.laws import dimensionless, time_scales
-    from mrjax.resume import kept
+    from mrjax.simulation import processes
 
     if distributed is not None:
         if duration is not None:
@@ -368,7 +371,8 @@ def check(recipe: str, quiet: bool, as_json: bool) -> None:
     """Prints what follows from a recipe."""
     commands.start_jax("float64")
     import mrjax
-    from mrjax import derived, files
+    from mrjax.io import files
+    from mrjax.simulation import derived
 
     sheet = mrjax.Recipe.load(recipe)
     quantities, warnings = derived.derived(sheet), derived.warnings(sheet)
@@ -433,9 +437,10 @@ def reproduce(
     from tqdm import tqdm
 
     import mrjax
-    from mrjax import files, paper_figures
-    from mrjax import reproduce as paper
-    from mrjax.resume import kept
+    from mrjax.cli.resume import kept
+    from mrjax.io import files
+    from mrjax.paper import figures as paper_figures
+    from mrjax.paper import table as paper
 
     def report(text: str) -> None:
         if not quiet:

@@ -15,7 +15,7 @@ import jax
 jax.config.update("jax_enable_x64", True)
 
 import mrjax  # noqa: E402 - precision comes before anything is computed
-from mrjax import pieces  # noqa: E402
+from mrjax.simulation import pieces  # noqa: E402
 
 case2 = mrjax.Recipe.load("case2")
 state = mrjax.disperse(case2, seed=0)

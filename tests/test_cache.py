@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import pytest
 
 import mrjax
-from mrjax import cache
+from mrjax.cli import program_cache
 from mrjax.dem import neighbours
 
 SHORT = ("-m", "mrjax", "simulate", "case2", "--duration", "1.5e-7", "--frames", "2", "--quiet")
@@ -105,7 +105,7 @@ def test_what_was_written_by_half_is_taken_away(tmp_path):
     whole, half = (f"jit_f-{digit * 64}" for digit in "0f")
     for name in (f"{whole}-cache", f"{whole}-atime", f"{half}-cache", "mine-cache"):
         (tmp_path / name).write_text("")
-    cache._mend(tmp_path)
+    program_cache._mend(tmp_path)
     assert {file.name for file in tmp_path.iterdir()} == {
         f"{whole}-cache",
         f"{whole}-atime",

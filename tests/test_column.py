@@ -17,7 +17,7 @@ from mrjax.continuum.column import column, column_steps
 from mrjax.continuum.compression import Compression
 from mrjax.laws import drag
 
-column_module = sys.modules["mrjax.column"]  # the package's name for it is the function
+column_module = sys.modules["mrjax.continuum.column"]
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12
 EXACT = 1e-12  # sums over hundreds of cells and steps, in double precision
 DAY = 86400.0

@@ -4,11 +4,11 @@ from functools import partial
 
 import numpy as np
 import pytest
-from mrjax.recipe.recipe.recipe import Recipe
 
 import mrjax
-from mrjax import derived
 from mrjax.laws import dimensionless, particle
+from mrjax.recipe.recipe import Recipe
+from mrjax.simulation import derived
 
 near = partial(pytest.approx, abs=0.0)
 

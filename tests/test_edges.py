@@ -9,9 +9,10 @@ from pytest import approx as near
 
 import calibrate
 import mrjax
-from mrjax import observe, soften
 from mrjax.core.tracing import known, where_known
 from mrjax.laws import closed_forms, hindrance, particle, time_scales
+from mrjax.observables import interface
+from mrjax.simulation import softening
 
 DRY = dict(
     particle_density=2500.0,
@@ -296,7 +297,7 @@ def test_a_run_in_which_nothing_settles_has_no_asymptotes():
     parameters = mrjax.Parameters(**WET, particle_density=1000.0)
     run = mrjax.simulate(mrjax.place(PAIR), parameters, SMALL_BOX, duration=1e-7, frames=2)
     with pytest.raises(mrjax.InputError, match="the mudline has not moved"):
-        observe.asymptotes(run)
+        interface.asymptotes(run)
 
 
 # --- what is traced is not known, and no number ---------------------------------------------------
@@ -331,7 +332,7 @@ def test_traced_parameters_are_told_from_neutral_ones():
 def test_a_bed_of_both_signs_presses_with_the_heavier_side():
     def overlap(*densities):
         numbers = mrjax.Parameters(**WET, particle_density=jnp.array(densities))
-        return float(soften.resting_overlap(numbers, SMALL_BOX, len(densities)))
+        return float(softening.resting_overlap(numbers, SMALL_BOX, len(densities)))
 
     assert overlap(1200.0, 1200.0, 800.0) == near(overlap(1200.0, 1200.0), rel=1e-12)
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import mrjax
-from mrjax import partners, processes
+from mrjax.simulation import partners, processes
 
 RUNS = """
 import pickle, sys
@@ -25,7 +25,7 @@ jax.config.update("jax_enable_x64", True)
 number, count, port, devices = map(int, sys.argv[1:])
 jax.config.update("jax_num_cpu_devices", devices)
 import mrjax
-from mrjax import processes
+from mrjax.simulation import processes
 
 if count > 1:
     jax.distributed.initialize(f"127.0.0.1:{port}", count, number)

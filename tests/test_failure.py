@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 import mrjax
-from mrjax import npz, results, resume, stages
+from mrjax.cli import resume
 from mrjax.dem import contact_history
+from mrjax.io import npz, results
+from mrjax.simulation import follow
 
 ROOM = mrjax.Box((1e-2, 1e-2, 1e-2))
 RADIUS = 5e-4
@@ -125,7 +127,7 @@ def test_a_particle_that_is_nowhere():
 
 def test_the_last_good_state_is_that_of_the_last_good_frame(tmp_path, monkeypatch):
     """Not that of the start; and a failure met again, resumed, is told in the same words."""
-    monkeypatch.setattr(stages, "MOST_AT_ONCE", 3 * 10)
+    monkeypatch.setattr(follow, "MOST_AT_ONCE", 3 * 10)
     state = mrjax.place(APART, [[0.0] * 3, [0.0] * 3, [0.0, 0.0, 4.0]])
     given = dict(duration=1.5e-3, frames=15, time_step=1e-5, skin=0.3, checkpoint=tmp_path)
     first, again = failed(state, **given), failed(state, **given)

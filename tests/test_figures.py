@@ -16,8 +16,9 @@ import pytest
 from PIL import Image, ImageSequence
 
 import mrjax
-from mrjax import InputError, figures, files
+from mrjax import InputError, figures
 from mrjax.figures import spheres
+from mrjax.io import files
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)
 

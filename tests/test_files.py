@@ -4,7 +4,7 @@ import stat
 
 import pytest
 
-from mrjax import files
+from mrjax.io import files
 
 
 def test_a_write_that_fails_leaves_the_old_file_and_nothing_else(tmp_path):

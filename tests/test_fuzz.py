@@ -19,7 +19,10 @@ import calibrate.__main__
 import calibrate.calibration
 import mrjax.__main__
 from calibrate import Experiment
-from mrjax import InputError, Recipe, commands, derived, processes, reproduce
+from mrjax import InputError, Recipe
+from mrjax.cli import commands
+from mrjax.paper import table
+from mrjax.simulation import derived, processes
 
 FEW, MANY = 60, 1300
 """Inputs of each of eight kinds, in a quick and in a slow run."""
@@ -53,12 +56,10 @@ def accepted(call):
 
 # Files that are right ---------------------------------------------------------------------------
 
+BUNDLED = resources.files("mrjax.recipe.bundled")
 TEMPLATE = resources.files("mrjax.recipe").joinpath("template.toml").read_text()
 CASES = [
-    *(
-        resources.files("mrjax.recipe.bundled").joinpath(f"case{i}.toml").read_text()
-        for i in (1, 2, 3)
-    ),
+    *(BUNDLED.joinpath(f"case{i}.toml").read_text() for i in (1, 2, 3)),
     TEMPLATE,
     "\n".join(
         line.replace("#? ", "").replace("particle = 0.80", "particle = 0.784")
@@ -387,7 +388,7 @@ def nothing_is_computed(monkeypatch, tmp_path):
     monkeypatch.setattr(commands, "start_jax", lambda *_, **__: None)
     monkeypatch.setattr(mrjax, "disperse", reached)
     monkeypatch.setattr(processes, "join", reached)
-    monkeypatch.setattr(reproduce, "simulated", reached)
+    monkeypatch.setattr(table, "simulated", reached)
     monkeypatch.setattr(calibrate.calibration, "calibrated", reached)
 
 

@@ -1,6 +1,7 @@
 """Drag by the local volume fraction: a double sum over splines, conservation, runs, gradients."""
 
 from functools import partial
+from importlib import resources
 
 import jax
 import jax.numpy as jnp
@@ -9,7 +10,7 @@ import pytest
 from jax.tree_util import Partial
 
 import mrjax
-from mrjax.identity import identity
+from mrjax.io.identity import identity
 from mrjax.laws import drag, hindrance
 
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12
@@ -248,9 +249,7 @@ def test_laws_that_do_not_hold_in_a_bed_are_refused(f_w):
 
 
 def test_refused_in_one_line_from_a_file(tmp_path):
-    text = (
-        mrjax.recipe.recipe.Path(mrjax.recipe.recipe.__file__).parent / "recipes/case2.toml"
-    ).read_text()
+    text = resources.files("mrjax.recipe.bundled").joinpath("case2.toml").read_text()
     file = tmp_path / "mine.toml"
     file.write_text(text.replace('f_w = "son2018" ', "local = true\nf_w = 48.0 "))
     with pytest.raises(mrjax.InputError, match=r"drag\.local = true") as refusal:

@@ -14,8 +14,10 @@ import numpy as np
 import pytest
 
 import mrjax
-from mrjax import InputError, checkpoint, files, markers, npz, stages
-from mrjax.checkpoint import Checkpoint
+from mrjax import InputError
+from mrjax.io import checkpoint, files, markers, npz
+from mrjax.io.checkpoint import Checkpoint
+from mrjax.simulation import follow as parts_of_runs
 
 LONGEST_MESSAGE = 400
 
@@ -70,8 +72,8 @@ def good(tmp_path_factory) -> dict[str, bytes]:
 @few_or(5000, 150)
 def test_a_damaged_npz_is_refused_or_gives_what_it_holds(good, tmp_path, kind, trials):
     load, schema = {
-        "state": (mrjax.load_state, mrjax.state_file.SCHEMA),
-        "run": (mrjax.load_run, mrjax.run_file.SCHEMA),
+        "state": (mrjax.load_state, mrjax.io.state_file.SCHEMA),
+        "run": (mrjax.load_run, mrjax.io.run_file.SCHEMA),
     }[kind]
     path, accepted = tmp_path / "one.npz", 0
     whole = damage.unpacked(good[kind])
@@ -231,7 +233,7 @@ def test_a_wrecked_checkpoint_gives_no_other_result(walked, tmp_path, monkeypatc
 
 @few_or(300, 12)
 def test_a_wrecked_checkpoint_of_a_run_gives_no_other_run(tmp_path, monkeypatch, trials):
-    monkeypatch.setattr(stages, "MOST_AT_ONCE", 150)  # so that a short run has several parts
+    monkeypatch.setattr(parts_of_runs, "MOST_AT_ONCE", 150)  # so that a short run has several parts
 
     def follow(folder: Path | None = None, **changes):
         given = dict(duration=4e-5, frames=8, time_step=1e-7, checkpoint=folder) | changes
@@ -329,7 +331,7 @@ def test_a_run_written_before_some_could_rise_sinks(good, tmp_path):
     """Its file has no such array."""
     path = tmp_path / "one.npz"
     path.write_bytes(good["run"])
-    arrays, told = npz.read(path, mrjax.run_file.SCHEMA)
+    arrays, told = npz.read(path, mrjax.io.run_file.SCHEMA)
     del arrays["rising"]
     npz.write(path, arrays, told.model_dump())
     run, _ = mrjax.load_run(path)

@@ -17,7 +17,7 @@ from hypothesis.extra import numpy as arrays
 from mrjax import Box
 from mrjax.dem import neighbours
 from mrjax.dem.neighbours import CELLS_OVERFULL, PAIRS_DROPPED, Plan
-from mrjax.disperse import _spread
+from mrjax.simulation.disperse import _spread
 
 build = jax.jit(neighbours.build, static_argnames=("plan", "box"))
 

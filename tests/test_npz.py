@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from pydantic import ConfigDict
 
-from mrjax import InputError, markers, npz
+from mrjax import InputError
+from mrjax.io import markers, npz
 
 
 class Anything(markers.Strict):

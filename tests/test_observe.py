@@ -13,8 +13,8 @@ import pytest
 from scipy.optimize import brentq
 
 import mrjax
-from mrjax import observe
-from mrjax.concentration import _column, bed_front, concentration, solid_below
+from mrjax.observables import interface
+from mrjax.observables.concentration import _column, bed_front, concentration, solid_below
 
 EXACT = 1e-12  # roundings of sums over hundreds of particles
 near = partial(pytest.approx, rel=EXACT, abs=0.0)  # its own abs passes all within 1e-12
@@ -135,17 +135,17 @@ def test_the_cells_of_a_profile_hold_what_lies_between_their_edges():
 
 def test_the_mean_of_the_highest_particles():
     run = recorded(np.stack([np.arange(1, 41), 2.0 * np.arange(1, 41)]) * 1e-6)
-    tops = observe.mean_of_top(run)  # two of forty
+    tops = interface.mean_of_top(run)  # two of forty
     np.testing.assert_allclose(tops, [39.5e-6 + D / 2, 79e-6 + D / 2], rtol=EXACT)
     # Tops, not centres: the lower of two may reach higher.
-    assert float(observe.mean_of_top(recorded([4e-6, 3e-6], [1e-6, 3e-6]))[0]) == near(6e-6)
+    assert float(interface.mean_of_top(recorded([4e-6, 3e-6], [1e-6, 3e-6]))[0]) == near(6e-6)
 
 
 def test_the_mass_quantile_of_a_column():
     """Of ten spheres on top of each other, 95 % lies below the middle of the tenth."""
 
     def level(heights, radius):
-        return observe.mass_quantile(recorded(heights, radius))[0]
+        return interface.mass_quantile(recorded(heights, radius))[0]
 
     column, radius = jnp.asarray(layers([1] * 10)), jnp.full(10, D / 2)
     assert float(level(column, radius)) == near(38e-6)
@@ -163,7 +163,7 @@ def test_a_mass_quantile_within_a_gap():
     radii = random.uniform(0.5e-6, 1e-6, 4000)
 
     def level(heights, radius):
-        return observe.mass_quantile(recorded(heights, radius), 0.5)[0]
+        return interface.mass_quantile(recorded(heights, radius), 0.5)[0]
 
     pairs = jnp.asarray(np.stack([lower, upper], axis=1))
     both = jax.jit(jax.vmap(jax.value_and_grad(level)))(pairs, jnp.asarray(radii))
@@ -179,15 +179,15 @@ def test_the_mass_quantile_solves_its_equation(fraction):
     heights, radius = random_bed(2, 30e-6), sizes()
     solid = 4 / 3 * np.pi * np.sum(radius**3)
     root = brentq(lambda h: caps(heights, radius, h) / solid - fraction, 0, 50e-6, xtol=1e-18)
-    found = observe.mass_quantile(recorded(heights, radius), fraction)
+    found = interface.mass_quantile(recorded(heights, radius), fraction)
     assert float(found[0]) == near(root, rel=1e-9)
 
 
 def test_twice_the_centre_of_mass_is_the_top_of_a_uniform_bed():
-    assert float(observe.twice_centre_of_mass(recorded(layers([5] * 7)))[0]) == near(7 * D)
+    assert float(interface.twice_centre_of_mass(recorded(layers([5] * 7)))[0]) == near(7 * D)
     # A sphere of twice the radius weighs as much as eight.
     unlike = recorded([2e-6, 8e-6], [2e-6, 4e-6])
-    assert float(observe.twice_centre_of_mass(unlike)[0]) == near(2 * (2e-6 + 8 * 8e-6) / 9)
+    assert float(interface.twice_centre_of_mass(unlike)[0]) == near(2 * (2e-6 + 8 * 8e-6) / 9)
 
 
 def test_half_concentration_is_the_top_of_a_bed():
@@ -196,7 +196,7 @@ def test_half_concentration_is_the_top_of_a_bed():
     stray = np.concatenate([layers([26] * 9 + [25]), [45e-6]])
     low = layers([260])  # too low for a bulk above one diameter
     run = recorded([deep, shallow, stray, low])
-    at = observe.half_concentration(run)
+    at = interface.half_concentration(run)
     np.testing.assert_allclose(at[:2], [40e-6, 20e-6], rtol=1e-9)
     assert float(at[2]) == pytest.approx(40e-6, abs=D / 20)  # the mudline is at 47 um
     assert float(at[3]) == pytest.approx(4e-6, abs=1e-6)
@@ -205,7 +205,7 @@ def test_half_concentration_is_the_top_of_a_bed():
 def test_half_concentration_of_a_suspension_that_fills_the_box():
     """Slabs reach beyond the lid. The centres end a radius below it, and so does the half."""
     run = recorded(random_bed(0, BOX.height))
-    assert float(observe.half_concentration(run)[0]) == pytest.approx(48e-6, abs=D / 20)
+    assert float(interface.half_concentration(run)[0]) == pytest.approx(48e-6, abs=D / 20)
 
 
 def test_the_top_is_the_mudline_and_the_default():
@@ -215,15 +215,15 @@ def test_the_top_is_the_mudline_and_the_default():
         rising=False,
         check=lambda: None,
     )
-    np.testing.assert_array_equal(observe.top(run), run.mudline)
-    np.testing.assert_allclose(observe.sedimentation_ratio(run), [1.0, 0.5], rtol=EXACT)
+    np.testing.assert_array_equal(interface.top(run), run.mudline)
+    np.testing.assert_allclose(interface.sedimentation_ratio(run), [1.0, 0.5], rtol=EXACT)
 
 
-@pytest.mark.parametrize("name", observe.HEIGHTS)
+@pytest.mark.parametrize("name", interface.HEIGHTS)
 def test_sedimentation_ratios_by_definition(name):
     run = recorded(random_bed(5, 30e-6))
-    expected = observe.HEIGHTS[name](run) / 50e-6
-    np.testing.assert_allclose(observe.sedimentation_ratio(run, name), expected, rtol=EXACT)
+    expected = interface.HEIGHTS[name](run) / 50e-6
+    np.testing.assert_allclose(interface.sedimentation_ratio(run, name), expected, rtol=EXACT)
     assert 0.5 < float(expected[0]) < 0.65
 
 
@@ -240,7 +240,7 @@ def test_heights_of_random_beds_as_published(seed):
     grid = np.linspace(0.0, 50e-6, 401)
     solid = np.array([caps(heights, D / 2, level) for level in grid])
     published = np.interp(0.95, solid / solid[-1], grid)
-    assert float(observe.mass_quantile(run)[0]) == pytest.approx(published, abs=1e-4 * 50e-6)
+    assert float(interface.mass_quantile(run)[0]) == pytest.approx(published, abs=1e-4 * 50e-6)
 
     levels = np.arange(D / 2, 48e-6, D / 20)
     slabs = [
@@ -252,12 +252,12 @@ def test_heights_of_random_beds_as_published(seed):
     # They take the level, we the crossing on the way to it.
     k = np.flatnonzero((phi < half) & (levels > 0.5 * top))[0]
     crossing = np.interp(-half, -phi[k - 1 : k + 1], levels[k - 1 : k + 1])
-    assert float(observe.half_concentration(run)[0]) == pytest.approx(crossing, abs=1e-3 * D)
+    assert float(interface.half_concentration(run)[0]) == pytest.approx(crossing, abs=1e-3 * D)
 
     highest = np.sort(heights)[-15:]
-    assert float(observe.mean_of_top(run)[0]) == near(highest.mean() + D / 2)
-    assert float(observe.twice_centre_of_mass(run)[0]) == near(2 * heights.mean())
-    assert float(observe.top(run)[0]) == near(top)
+    assert float(interface.mean_of_top(run)[0]) == near(highest.mean() + D / 2)
+    assert float(interface.twice_centre_of_mass(run)[0]) == near(2 * heights.mean())
+    assert float(interface.top(run)[0]) == near(top)
 
 
 # --- the bed's front ------------------------------------------------------------------------------
@@ -281,7 +281,7 @@ def test_the_front_between_bed_and_suspension():
         np.testing.assert_allclose(front, expected, atol=1e-6 * D)
     # Met by the bed, the mudline is the front, however little is left between their concentrations.
     met = bed_front(run, BED, 0.8 * BED)[-1]
-    assert float(met) == near(float(observe.half_concentration(run)[-1]))
+    assert float(met) == near(float(interface.half_concentration(run)[-1]))
 
 
 def test_the_front_in_noise():
@@ -316,12 +316,12 @@ def curve(slope, rest, times):
 
 def test_asymptotes_of_two_straight_lines():
     times = jnp.linspace(0.0, 7.0, 30)
-    lines = observe.asymptotes(curve(6e-6, 30e-6, times))
+    lines = interface.asymptotes(curve(6e-6, 30e-6, times))
     assert float(lines.initial_slope) == near(6e-6)
     assert float(lines.final_ratio) == near(0.6)
     assert float(lines.crossing_time) == near(3.0)
     # The second line starts at rest: the time it takes is the way over the speed.
-    of_both = jax.jacfwd(lambda both: observe.asymptotes(curve(both[0], both[1], times)))
+    of_both = jax.jacfwd(lambda both: interface.asymptotes(curve(both[0], both[1], times)))
     changes = jax.jit(of_both)(jnp.array([6e-6, 30e-6]))
     np.testing.assert_allclose(changes.initial_slope, [1.0, 0.0], atol=EXACT)
     np.testing.assert_allclose(changes.final_ratio, [0.0, 1 / 50e-6], rtol=EXACT)
@@ -335,19 +335,19 @@ def test_the_initial_slope_is_that_of_the_first_quarter():
     run = SimpleNamespace(
         times=times, mudline=mudline, initial_height=50e-6, rising=False, check=lambda: None
     )
-    assert float(observe.asymptotes(run).initial_slope) == near((1 + 2 * 3) / 5 * 1e-6)
+    assert float(interface.asymptotes(run).initial_slope) == near((1 + 2 * 3) / 5 * 1e-6)
     # Where frames are too far apart for any to lie within it, the first will have to do.
     run.mudline = 48e-6 - 1e-6 * jnp.array([0.0, 8.0, 12.0, 14.0, 15.0, 16.0])
-    assert float(observe.asymptotes(run).initial_slope) == near(8e-6)
+    assert float(interface.asymptotes(run).initial_slope) == near(8e-6)
 
 
 # --- derivatives ----------------------------------------------------------------------------------
 
 DEFINITIONS = {
-    **observe.HEIGHTS,
+    **interface.HEIGHTS,
     "bed front": lambda run: bed_front(run, BED),
     "concentration": lambda run: concentration(run, jnp.linspace(0.0, 40e-6, 9), 3e-6).sum(axis=1),
-    "asymptotes": lambda run: jnp.stack(observe.asymptotes(run)),
+    "asymptotes": lambda run: jnp.stack(interface.asymptotes(run)),
 }
 FRAMES = np.stack([two_layers(bed, 24 - 2 * bed) for bed in (3, 8)])
 FRAMES = np.maximum(FRAMES + np.random.default_rng(7).uniform(-1.5e-6, 1.5e-6, FRAMES.shape), 2e-6)
@@ -413,7 +413,7 @@ def test_single_precision_stays_single(name):
     np.testing.assert_allclose(value, DEFINITIONS[name](run), rtol=1e-3)
 
 
-@pytest.mark.parametrize("name", [*observe.HEIGHTS, "bed front", "concentration"])
+@pytest.mark.parametrize("name", [*interface.HEIGHTS, "bed front", "concentration"])
 def test_a_run_that_is_not_to_be_trusted_is_refused(name):
     run = recorded(FRAMES)
 
@@ -431,7 +431,7 @@ def test_a_dilute_suspension_has_thicker_slabs():
     slab = (6e-4 / np.pi) ** (1 / 3)
 
     def height(heights):
-        return observe.half_concentration(recorded(heights[:, None], 1e-3, room))
+        return interface.half_concentration(recorded(heights[:, None], 1e-3, room))
 
     at = jnp.array([1e-3, 1.0 - 1e-3])
     np.testing.assert_allclose(height(at), slab / 2 + at, atol=4e-3)
@@ -441,13 +441,13 @@ def test_a_dilute_suspension_has_thicker_slabs():
 def test_what_cannot_be_observed_is_refused():
     run = recorded(FRAMES)
     with pytest.raises(mrjax.InputError, match="'tip' must be one of top, mean-of-top, mass-q"):
-        observe.sedimentation_ratio(run, "tip")
+        interface.sedimentation_ratio(run, "tip")
     for fraction in (0.0, 1.5, -1.0):
         with pytest.raises(mrjax.InputError, match=f"fraction = {fraction}"):
-            observe.mean_of_top(run, fraction)
+            interface.mean_of_top(run, fraction)
     for fraction in (0.0, 1.0, 1.5):
         with pytest.raises(mrjax.InputError, match=f"fraction = {fraction}"):
-            observe.mass_quantile(run, fraction)
+            interface.mass_quantile(run, fraction)
     for thickness in (0.0, -1e-6, np.nan, [1e-6, 1e-6]):
         with pytest.raises(mrjax.InputError, match=r"thickness = .* must be a positive number"):
             concentration(run, [1e-6], thickness)

@@ -17,13 +17,13 @@ from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir, partial_eval
 
 import mrjax
-from mrjax import pieces
 from mrjax.dem import engine, neighbours, pairs
 from mrjax.dem.contact_history import Memory
 from mrjax.dem.forces import contact
 from mrjax.dem.pairs import Pairs
 from mrjax.kernel.llvm import codegen
 from mrjax.kernel.operation import pairwise
+from mrjax.simulation import pieces
 
 operation = importlib.import_module("mrjax.kernel.operation")
 

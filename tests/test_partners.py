@@ -16,11 +16,11 @@ from test_commands import start
 from test_ensemble import SMALL, free_port
 
 import mrjax
-from mrjax import messages
+from mrjax.simulation import messages
 
 ONE = """
 import sys, time
-from mrjax import partners
+from mrjax.simulation import partners
 from mrjax.core.errors import InputError, SystemRefusal
 
 partners.PATIENCE, partners.SILENCE, partners.BEAT, partners.GRACE = {times}

@@ -18,9 +18,10 @@ from test_resume import Stopped, alike, stopping
 from test_settle import WALLED, dispersed, soft
 
 import mrjax
-from mrjax import commands, pieces, stages, watching
+from mrjax.cli import commands
 from mrjax.core import interruption
 from mrjax.dem import schedule, sorting
+from mrjax.simulation import follow, pieces, progress
 
 DURATION = dict(duration=3.0, frames=6, time_step=0.003, skin=0.05)
 
@@ -58,7 +59,7 @@ def test_the_bits_do_not_depend_on_the_pieces(small, whole, monkeypatch):
 def test_follow_has_the_bits_of_simulate(small, whole, monkeypatch):
     parameters, state = small
     for most in (1, 20 * 128 * 3, 10**8):  # parts of a frame, and of several
-        monkeypatch.setattr(stages, "MOST_AT_ONCE", most)
+        monkeypatch.setattr(follow, "MOST_AT_ONCE", most)
         alike(mrjax.follow(state, parameters, WALLED, **DURATION, trajectory=True), whole)
 
 
@@ -100,7 +101,7 @@ def test_a_frame_that_is_mended_is_so_whatever_the_pieces(small, monkeypatch, tm
     monkeypatch.setattr(pieces, "_Pace", Random)
     alike(mrjax.simulate(state, parameters, WALLED, **given), whole)
     assert met == 2 * first
-    monkeypatch.setattr(stages, "MOST_AT_ONCE", 20 * 128 * 9)
+    monkeypatch.setattr(follow, "MOST_AT_ONCE", 20 * 128 * 9)
     for number in (2, 11, 16):
         folder = tmp_path / str(number)
         with pytest.raises(Stopped), stopping(number):
@@ -245,7 +246,7 @@ def test_one_run_that_fails_stops_the_others(small, monkeypatch):
 
 BUSY = """
 import click, jax
-from mrjax import commands
+from mrjax.cli import commands
 
 @click.command()
 def busy():
@@ -275,9 +276,9 @@ def test_ctrl_c_ends_a_command_that_is_busy_outside_python():
 
 def test_a_long_call_says_so_before_it_starts(caplog):
     """Steps, about how long, and what would make it shorter; a short one says nothing."""
-    watching.announce("simulate", 1e4, 314)
+    progress.announce("simulate", 1e4, 314)
     assert not caplog.records
-    watching.announce("simulate", 7e7, 314)
+    progress.announce("simulate", 7e7, 314)
     (told,) = caplog.records
     assert told.name == "mrjax.progress" and told.levelno == logging.WARNING
     text = told.getMessage()
@@ -289,7 +290,7 @@ def test_a_long_call_says_so_before_it_starts(caplog):
     "seconds, words", [(1.0, "1 s"), (119.0, "1.2e+02 s"), (120.0, "2 min"), (1e5, "28 h")]
 )
 def test_lengths_of_time_in_words(seconds, words):
-    assert watching.in_words(seconds) == words
+    assert progress.in_words(seconds) == words
 
 
 def test_progress_shows_steps_time_and_what_is_left(small, capsys):

@@ -12,8 +12,9 @@ import pytest
 import mrjax
 from calibrate import Experiment, curve
 from calibrate.curve import CurveSheet
-from mrjax import Recipe, reading
-from mrjax.recipe.recipe import toml_limits
+from mrjax import Recipe
+from mrjax.io import reading
+from mrjax.recipe import toml_limits
 
 SHEET = {"file": "curve.csv", "time_unit": "day", "unit": "mm", "standard_deviation": 0.5}
 READERS = {

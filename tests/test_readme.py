@@ -7,8 +7,8 @@ import jax
 import pytest
 
 import mrjax
-from mrjax import reproduce
 from mrjax.laws import drag
+from mrjax.paper import table
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -37,7 +37,7 @@ def test_there_are_exactly_two_set_up_commands():
 def test_the_table_of_reproduced_numbers_is_what_the_command_gives(paper_runs):
     section = README.split("## What it reproduces")[1].split("\n## ")[0]
     stated = [line for line in section.splitlines() if line.startswith(("| case", "| Eq"))][1:]
-    found = {(one.case, one.quantity): one for one in reproduce.rows(paper_runs)}
+    found = {(one.case, one.quantity): one for one in table.rows(paper_runs)}
     assert len(stated) == 12
     for line in stated:
         case, quantity, printed, computed, unit, status = line.strip("| ").split(" | ")

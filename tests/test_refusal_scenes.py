@@ -16,7 +16,7 @@ import pytest
 from test_commands import SMALL
 
 import mrjax.__main__
-from mrjax import commands
+from mrjax.cli import commands
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits and mounts of Linux")
 

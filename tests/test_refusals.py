@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 from test_commands import COMPILED, ENVIRONMENT, SMALL
 
-from mrjax import SystemRefusal, files
+from mrjax import SystemRefusal
 from mrjax.core import refusals
+from mrjax.io import files
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits and mounts of Linux")
 

@@ -12,18 +12,18 @@ from click.testing import CliRunner
 from matplotlib.container import BarContainer
 
 import mrjax
-from mrjax import paper_figures, reproduce
 from mrjax.__main__ import cli
-from mrjax.dropped import INFERRED_FRICTION, dropped
-from mrjax.files import write_json
-from mrjax.observe import Asymptotes
+from mrjax.io.files import write_json
+from mrjax.observables.interface import Asymptotes
+from mrjax.paper import figures, table
+from mrjax.paper.dry_beds import INFERRED_FRICTION, dropped
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 
 
 @pytest.fixture(scope="module")
 def rows(paper_runs):
-    return {(row.case, row.quantity): row for row in reproduce.rows(paper_runs)}
+    return {(row.case, row.quantity): row for row in table.rows(paper_runs)}
 
 
 @pytest.mark.parametrize(
@@ -65,26 +65,26 @@ def test_the_slips_are_explained_by_numbers(rows):
 
 
 def test_every_case_has_every_number_of_the_table(rows):
-    quantities = [{q for c, q in rows if c == case} for case in reproduce.CASES]
-    table = set.intersection(*quantities)
-    assert len(table) == 11
+    quantities = [{q for c, q in rows if c == case} for case in table.CASES]
+    of_table = set.intersection(*quantities)
+    assert len(of_table) == 11
     for row in rows.values():
         assert row.status in {"reproduced", "corrected", "not reproducible"}
         assert (row.computed is None) == row.quantity.endswith(", measured")
 
 
 def test_a_row_is_reproduced_to_its_printed_digits():
-    assert reproduce.row("c", "q", "9.2", 9.2499, "1").status == "reproduced"
-    assert reproduce.row("c", "q", "9.2", 9.2501, "1").status == "corrected"
-    assert reproduce.row("c", "q", "2.16e-6", 2.1649e-6, "1").status == "reproduced"
-    assert reproduce.row("c", "q", "2.16e-6", 2.1651e-6, "1").status == "corrected"
-    assert reproduce.row("c", "q", "4", None, "1").status == "corrected"
-    assert reproduce.row("c", "q", "4.0", 5.9, "%", within=2.0).status == "reproduced"
-    assert reproduce.row("c", "q", "4.0", 1.9, "%", "", "why", within=2.0).status == "why"
+    assert table.row("c", "q", "9.2", 9.2499, "1").status == "reproduced"
+    assert table.row("c", "q", "9.2", 9.2501, "1").status == "corrected"
+    assert table.row("c", "q", "2.16e-6", 2.1649e-6, "1").status == "reproduced"
+    assert table.row("c", "q", "2.16e-6", 2.1651e-6, "1").status == "corrected"
+    assert table.row("c", "q", "4", None, "1").status == "corrected"
+    assert table.row("c", "q", "4.0", 5.9, "%", within=2.0).status == "reproduced"
+    assert table.row("c", "q", "4.0", 1.9, "%", "", "why", within=2.0).status == "why"
 
 
 def test_rows_are_written_as_json(rows, tmp_path):
-    write_json(tmp_path / "rows.json", reproduce.as_tables(list(rows.values())))
+    write_json(tmp_path / "rows.json", table.as_tables(list(rows.values())))
     read = json.loads((tmp_path / "rows.json").read_text())
     keys = {"case", "quantity", "printed", "computed", "unit", "status", "reason"}
     assert all(set(row) == keys for row in read)
@@ -119,9 +119,7 @@ def at_ratio(bed, *ratios):
 )
 def test_a_final_ratio_is_the_mean_of_its_starts(paper_runs, ratios, computed, statuses):
     beds = {case: at_ratio(bed, *ratios) for case, bed in paper_runs.beds.items()}
-    found = {
-        (one.case, one.quantity): one for one in reproduce.rows(replace(paper_runs, beds=beds))
-    }
+    found = {(one.case, one.quantity): one for one in table.rows(replace(paper_runs, beds=beds))}
     for case in ("case1", "case2"):
         one = found[case, "final sedimentation ratio"]
         assert one.computed == near(computed) and one.status == statuses[0]
@@ -168,7 +166,7 @@ def test_the_command_writes_table_and_figures(paper_runs, tmp_path, monkeypatch)
         parameters = recipe.parameters()
         return mrjax.Sedimentation(paper_runs.beds["case2"], parameters, 1.0, (seed,))
 
-    monkeypatch.setattr(reproduce, "simulated", ready)
+    monkeypatch.setattr(table, "simulated", ready)
     monkeypatch.setattr(mrjax, "sedimentation", settled)
     arguments = ["reproduce", "--out", str(tmp_path), "--seed", "7", "--ensemble", "5"]
     result = CliRunner().invoke(cli, arguments)
@@ -177,7 +175,7 @@ def test_the_command_writes_table_and_figures(paper_runs, tmp_path, monkeypatch)
     report = (tmp_path / "reproduce.md").read_text()
     written = json.loads((tmp_path / "reproduce.json").read_text())
     lines = re.findall(r"^\| (?:case\d|Eq\. 14) \|", report, flags=re.M)
-    assert len(lines) == len(written) == len(reproduce.rows(paper_runs))
+    assert len(lines) == len(written) == len(table.rows(paper_runs))
     assert "not yet" not in report
     linked = re.findall(r"!\[Fig\. (\d)\]\((.+?)\)\n\nFig\. (\d)\. (.{40,})\n", report)
     assert [number for number, *_ in linked] == list("245678")
@@ -189,7 +187,7 @@ def test_the_command_writes_table_and_figures(paper_runs, tmp_path, monkeypatch)
 
 
 def test_figure_2_shows_the_data_and_the_laws():
-    axes = paper_figures.wall_factor(reproduce.HABERMAN_SAYRE_EXACT).axes[0]
+    axes = figures.wall_factor(table.HABERMAN_SAYRE_EXACT).axes[0]
     drawn = {line.get_label(): line.get_xydata() for line in axes.lines}
     assert drawn["Haberman & Sayre, exact"][-1] == near([0.8, 73.555])
     assert drawn["Eq. 14 with its cap"][-1] == near([1.0, 48.985])
@@ -202,7 +200,7 @@ def test_figure_2_shows_the_data_and_the_laws():
 def test_figure_4_has_asymptotes_that_cross():
     times = np.linspace(0.0, 200.0, 201)
     lines = Asymptotes(jnp.array(1.0), jnp.array(0.7), jnp.array(60.0))
-    axes = paper_figures.sedimentation_curve(times, 0.7 + 0.3 * np.exp(-times / 60), lines).axes[0]
+    axes = figures.sedimentation_curve(times, 0.7 + 0.3 * np.exp(-times / 60), lines).axes[0]
     first, second, curve = (line.get_xydata() for line in axes.lines)
     assert np.interp(60.0, *first.T) == near(70.0) and first[0] == near([0.0, 100.0])
     assert second[:, 1] == near([70.0, 70.0])
@@ -211,7 +209,7 @@ def test_figure_4_has_asymptotes_that_cross():
 
 def test_bars_have_the_heights_of_their_numbers():
     values = {"printed": (9.2, 4.0), "computed": (9.1, 4.9), "measured": (8.0, 3.6)}
-    axes = paper_figures.bars(values, ("a", "b"), "velocity", {"computed": (0.1, 0.2)}).axes[0]
+    axes = figures.bars(values, ("a", "b"), "velocity", {"computed": (0.1, 0.2)}).axes[0]
     groups = [bars for bars in axes.containers if isinstance(bars, BarContainer)]
     heights = {bars.get_label(): tuple(bar.get_height() for bar in bars) for bars in groups}
     assert heights == values

@@ -25,10 +25,12 @@ from test_settle import WALLED, dispersed, soft
 import mrjax
 from calibrate import posterior, profile
 from calibrate.fit import LogNormal, fit
-from mrjax import checkpoint, commands, npz, pieces, resume, stages
-from mrjax.checkpoint import Checkpoint
+from mrjax.cli import commands, resume
 from mrjax.dem import schedule
-from mrjax.results import LIST
+from mrjax.io import checkpoint, npz
+from mrjax.io.checkpoint import Checkpoint
+from mrjax.io.results import LIST
+from mrjax.simulation import follow, pieces
 
 EXPERIMENT = """
 name = "tubes"
@@ -156,7 +158,7 @@ def test_a_run_of_given_duration_goes_on(small, tmp_path, monkeypatch, most):
     given = dict(duration=3.0, frames=6, time_step=0.018, rebuild_every=4)
     whole = mrjax.simulate(state, parameters, WALLED, **given)
     assert whole.heights.shape == (7, 20) and whole.times.shape == (7,)
-    monkeypatch.setattr(stages, "MOST_AT_ONCE", most)
+    monkeypatch.setattr(follow, "MOST_AT_ONCE", most)
     for number in (1, 2, 3):
         folder = tmp_path / str(number)
         with pytest.raises(Stopped), stopping(number):

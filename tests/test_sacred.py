@@ -19,9 +19,11 @@ from calibrate.calibration import calibrated
 from calibrate.data import Experiment
 from calibrate.fit import fit
 from calibrate.residuals import Problem
-from mrjax import InputError, checkpoint, commands, files, results, resume, viewers
-from mrjax.checkpoint import Checkpoint
+from mrjax import InputError
+from mrjax.cli import commands, resume
 from mrjax.core.trajectory import Trajectory
+from mrjax.io import checkpoint, files, results, viewers
+from mrjax.io.checkpoint import Checkpoint
 
 COMMANDS = {
     "simulate": (mrjax.__main__.cli, ["simulate", "small.toml", "--duration", "1e-7"]),

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from settling import beds, page
 
-from mrjax.dropped import dropped
+from mrjax.paper.dry_beds import dropped
 
 
 def numbers(file):

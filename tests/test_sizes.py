@@ -9,7 +9,7 @@ from scipy.stats import lognorm
 
 import mrjax
 from mrjax.laws import particle
-from mrjax.recipe.recipe import sizes
+from mrjax.recipe import sizes
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import mrjax
-from mrjax import soften
 from mrjax.laws import drag, particle, time_scales
+from mrjax.simulation import softening
 
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12
 EXACT = 1e-12  # some ten roundings, powers of 3/2 among them
@@ -36,7 +36,7 @@ def test_the_modulus_by_hand(case2):
     """Case 2: 314 spheres of 4 um over 25 x 25 um, 8.04 of them above each 4 x 4 um."""
     stiff, soft = softened(case2, 0.05)
     weight = 4 / 3 * np.pi * 2e-6**3 * (7470 - 950) * 9.81
-    load = soften.FORCE_CHAINS * 314 * weight * 4e-6**2 / 25e-6**2
+    load = softening.FORCE_CHAINS * 314 * weight * 4e-6**2 / 25e-6**2
     # 4/3 E* sqrt(R*) d^1.5 carries it at d = 0.05 R; pairs or walls of iron, E* = E / 2 (1 - nu^2)
     # and R* up to R.
     modulus = 3 * load / (4 * np.sqrt(2e-6) * (0.05 * 2e-6) ** 1.5)
@@ -52,9 +52,9 @@ def test_one_particle_bears_at_least_itself(case2):
     """In a wide box the load is that of one particle, not the thinner layer of its weight."""
     wide = mrjax.Box((1e-3, 1e-3, 50e-6))
     parameters = case2.parameters()
-    expected = soften.resting_overlap(parameters, wide, 1)
+    expected = softening.resting_overlap(parameters, wide, 1)
     of_one = time_scales.expected_overlap(
-        parameters, soften.FORCE_CHAINS * particle.net_weight(parameters), 0.0
+        parameters, softening.FORCE_CHAINS * particle.net_weight(parameters), 0.0
     )
     assert expected == near(float(of_one), rel=EXACT)
 

@@ -15,9 +15,9 @@ import pytest
 
 import calibrate
 import mrjax
-from mrjax import soften
 from mrjax.core.numpy_evaluation import by_numpy
 from mrjax.laws import drag, normal, time_scales
+from mrjax.simulation import softening
 
 ENDING = """
 import json, sys
@@ -94,7 +94,7 @@ jax.config.update("jax_enable_x64", True)
 seen = []
 jax.monitoring.register_event_duration_secs_listener(lambda event, *_, **__: seen.append(event))
 import mrjax
-from mrjax import derived
+from mrjax.simulation import derived
 recipe = mrjax.Recipe.load({recipe!r}).replace(drag={{"local": {local}}})
 derived.derived(recipe), derived.warnings(recipe)
 print(seen.count("/jax/core/compile/backend_compile_duration"))
@@ -120,7 +120,8 @@ from calibrate.calibration import calibrated
 _, fit = calibrated(calibrate.Experiment.load("fang2005"), "closed-form")
 assert fit.converged
 assert "jax" in sys.modules and "optax" in sys.modules
-unused = {"mrjax.core._jax_md", "jax_md", "llvmlite", "matplotlib", "mrjax.simulate", "blackjax"}
+unused = {"mrjax.core._jax_md", "mrjax.simulation.simulate"}
+unused |= {"jax_md", "llvmlite", "matplotlib", "blackjax"}
 print(sorted(unused & set(sys.modules)))
 """
 
@@ -187,7 +188,7 @@ def test_numbers_by_numpy_are_those_of_jax(dtype):
         (mrjax.terminal_velocity, many),
         (time_scales.largest_stable_step, many, overlap),
         (time_scales.time_step, parameters),
-        (lambda parameters: soften.resting_overlap(parameters, mrjax.Box((1e-5,) * 3), 7), many),
+        (lambda parameters: softening.resting_overlap(parameters, mrjax.Box((1e-5,) * 3), 7), many),
         (drag.son2018, dtype(0.3)),
         (drag.haberman_sayre, dtype(0.3)),
     ):

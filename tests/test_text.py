@@ -30,8 +30,10 @@ from calibrate.calibration import calibrated
 from calibrate.identify import identify
 from calibrate.posterior import Posterior
 from calibrate.profile import profiles
-from mrjax import Recipe, commands, figures, files
+from mrjax import Recipe, figures
+from mrjax.cli import commands
 from mrjax.core import text
+from mrjax.io import files
 
 each_name = pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
 ORDINARY = ("broken mathematics", "emoji", "as long as may be")

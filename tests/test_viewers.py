@@ -13,7 +13,8 @@ from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 
 import mrjax
-from mrjax import InputError, SimulationError, SystemRefusal, viewers
+from mrjax import InputError, SimulationError, SystemRefusal
+from mrjax.io import viewers
 
 BOX = mrjax.Box((1e-5, 2e-5, 3e-5), (True, False, False))
 RADIUS = np.array([1e-6, 2e-6, 1.5e-6])
@@ -178,6 +179,6 @@ def test_what_is_no_trajectory_is_refused(run, tmp_path):
             viewers.write_vtk(tmp_path / name, run)
     with pytest.raises(SystemRefusal, match="a: cannot be written"):
         viewers.write_vtk(tmp_path / "a.pvd", run)
-    mrjax.npz.write(tmp_path / "other.npz", {"a": np.zeros(3)}, {})
+    mrjax.io.npz.write(tmp_path / "other.npz", {"a": np.zeros(3)}, {})
     with pytest.raises(InputError, match=r"other\.npz: is not a file that .* give a file of a run"):
         mrjax.load_run(tmp_path / "other.npz")

@@ -3,11 +3,11 @@
 d phi/dt = d/dz f(phi),  f(phi) = phi v(phi)                                      (Kynch 1952)
 
 with z from the floor towards the clear fluid, both ends closed, v the terminal velocity with the
-f_w of each volume fraction, and a bed that is rigid at phi_m or compressible (`mrjax.continuum.compression`).
+f_w of each volume fraction, and a bed that is rigid at phi_m or compressible (`compression`).
 
 Particles lighter than the fluid settle towards the lid in the same way: z then points down from it.
 
-Finite volumes: Godunov's flux from a table (`mrjax.continuum.kynch`) between values at the faces of linear
+Finite volumes: Godunov's flux from a table (`kynch`) between values at the faces of linear
 profiles in the cells, Heun's steps (Shu & Osher 1988), the stress implicit. Conservative; keeps the
 fractions between 0 and phi_m; first-order, as any scheme is where there are fronts. With a
 compressible bed without the lines, for steps of Euler.

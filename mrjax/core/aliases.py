@@ -52,7 +52,7 @@ OLD_NAMES = {
     "messages": "simulation.messages",
     "neighbours": "dem.neighbours",
     "npz": "io.npz",
-    "observe": "observables.heights",
+    "observe": "observables.interface",
     "order": "dem.sorting",
     "overlap": "simulation.overlap",
     "pairs": "dem.pairs",

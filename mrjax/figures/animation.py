@@ -9,12 +9,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 from tqdm import tqdm
 
-from mrjax import files
 from mrjax.core import checks
 from mrjax.core.errors import InputError
 from mrjax.core.run import Run
 from mrjax.figures import spheres
 from mrjax.figures.style import STYLE, interface
+from mrjax.io import files
 
 FORMATS = ("gif", "mp4")
 PER_SECOND = 20

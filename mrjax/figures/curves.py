@@ -5,14 +5,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 
-from mrjax import observe
-from mrjax.concentration import concentration
 from mrjax.core.parameters import Parameters
 from mrjax.core.run import Run
 from mrjax.core.units import MM_PER_DAY
 from mrjax.figures.style import PAGE, STYLE, interface
 from mrjax.laws import closed_forms
-from mrjax.sedimentation import Sedimentation
+from mrjax.observables.concentration import concentration
+from mrjax.observables.interface import asymptotes
+from mrjax.simulation.sedimentation import Sedimentation
 
 
 @STYLE
@@ -71,7 +71,7 @@ def sedimentation(whole: Sedimentation) -> Figure:
     if len(ratio) > 1:
         curve.plot(times, ratio.T, color="0.65", linewidth=0.7)
     curve.plot(times, ratio.mean(axis=0), "k-", label=interface(whole.run))
-    lines = jax.vmap(observe.asymptotes)(whole.run)
+    lines = jax.vmap(asymptotes)(whole.run)
     final, crossing = float(lines.final_ratio.mean()), float(lines.crossing_time.mean())
     corners = ([0.0, crossing, times[-1]], [ratio[:, 0].mean(), final, final])
     curve.plot(*corners, "--", color="0.4", label="asymptotes")

@@ -4,9 +4,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import EngFormatter
 
-from mrjax.concentration import concentration as volume_fraction
 from mrjax.core.run import Run
 from mrjax.figures.style import COLUMN, STYLE, interface
+from mrjax.observables.concentration import concentration as volume_fraction
 
 LEVELS = 200
 

@@ -12,10 +12,10 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from mrjax import observe
 from mrjax.core.numpy_evaluation import by_numpy
 from mrjax.core.parameters import Parameters
 from mrjax.laws import particle, time_scales
+from mrjax.observables import interface
 
 BOLTZMANN = 1.380649e-23
 """J/K."""
@@ -96,7 +96,7 @@ def _worst(
     inertia = time_scales.relaxation_time(parameters) * speed / radius
     heat = jnp.abs(particle.net_weight(parameters)) * radius / (BOLTZMANN * temperature)
     return (
-        jnp.max(observe.reynolds_number(speed, parameters)),
+        jnp.max(interface.reynolds_number(speed, parameters)),
         jnp.max(inertia),
         jnp.min(heat),
     )

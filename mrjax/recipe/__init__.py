@@ -1,1 +1,12 @@
-"""."""
+"""The lab sheet: reading TOML, its tables, sizes, and the `Parameters` that follow from it.
+
+The bundled sheets are in `bundled`, the commented template is `template.toml`.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submodules=("recipe", "sheets", "sizes", "toml_limits"),
+    submod_attrs={"recipe": ["Recipe"]},
+)

@@ -28,9 +28,9 @@ from mrjax.core.numpy_evaluation import by_numpy
 from mrjax.core.parameters import Parameters
 from mrjax.laws import drag
 from mrjax.laws.hindrance import DENSEST, Hindrance
-from mrjax.recipe.recipe import sheets, sizes
-from mrjax.recipe.recipe.sheets import Name, Sheet
-from mrjax.recipe.recipe.sizes import Sizes
+from mrjax.recipe import sheets, sizes
+from mrjax.recipe.sheets import Name, Sheet
+from mrjax.recipe.sizes import Sizes
 
 RANDOM_CLOSE_PACKING = 0.64
 """Volume fraction above which equal spheres cannot be dispersed (Desmond & Weeks, 0903.0864)."""

@@ -12,10 +12,10 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, fie
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from mrjax import reading
 from mrjax.core.errors import LONGEST, InputError, shown, shown_key
 from mrjax.core.text import shortened
-from mrjax.recipe.recipe import toml_limits
+from mrjax.io import reading
+from mrjax.recipe import toml_limits
 
 MOST_BYTES = 10**6
 """Size of a file beyond which it is no sheet that anyone has written."""

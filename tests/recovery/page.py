@@ -6,7 +6,7 @@ import numpy as np
 
 from calibrate.profile import LEVELS
 from mrjax.core.text import in_code
-from mrjax.files import markdown_table
+from mrjax.io.files import markdown_table
 
 from . import coverage
 

@@ -7,7 +7,7 @@ anew.
 import jax
 from tqdm import tqdm
 
-from mrjax import files
+from mrjax.io import files
 
 from . import beds, gradients, kynch, page
 

@@ -7,14 +7,14 @@ from pathlib import Path
 
 import jax
 import numpy as np
-from mrjax.recipe.recipe.recipe import Recipe
 
 import mrjax
-from mrjax import observe
 from mrjax.core.box import Box
 from mrjax.core.run import Run
-from mrjax.dropped import dropped
-from mrjax.sedimentation import OVERLAP
+from mrjax.observables import interface
+from mrjax.paper.dry_beds import dropped
+from mrjax.recipe.recipe import Recipe
+from mrjax.simulation.sedimentation import OVERLAP
 
 FILE = Path(__file__).parent / "beds.csv"
 PEER = Path(__file__).parent.parent / "data" / "liggghts" / "beds.csv"
@@ -109,9 +109,9 @@ def _rows(run: Run, until: float | None) -> list[Bed]:
     """A line for each start, at rest or at a time, s."""
     ratios = {
         name: np.asarray(
-            jax.vmap(lambda one, name=name: observe.sedimentation_ratio(one, name))(run)
+            jax.vmap(lambda one, name=name: interface.sedimentation_ratio(one, name))(run)
         )
-        for name in observe.HEIGHTS
+        for name in interface.HEIGHTS
     }
     frames = len(run.times[0]) - 1
     end = frames if until is None else min(frames, round(until / float(run.times[0, 1])))

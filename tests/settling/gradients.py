@@ -10,10 +10,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from mrjax.recipe.recipe.recipe import Recipe
 
 import mrjax
-from mrjax.sedimentation import OVERLAP
+from mrjax.recipe.recipe import Recipe
+from mrjax.simulation.sedimentation import OVERLAP
 
 FRAMES = 5
 FALL, CREEP = 20.0, 60.0

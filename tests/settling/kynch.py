@@ -15,9 +15,9 @@ from concurrent.futures import ThreadPoolExecutor
 
 import jax.numpy as jnp
 import numpy as np
-from mrjax.recipe.recipe.recipe import Recipe
 
 import mrjax
+from mrjax.recipe.recipe import Recipe
 
 FRACTION, EXPONENT = 0.125, 4.65
 """Initial volume fraction, for which there is one shock; exponent of Richardson & Zaki."""

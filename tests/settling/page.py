@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from mrjax import observe
-from mrjax.files import markdown_table
-from mrjax.overlap import OVERLAP
+from mrjax.io.files import markdown_table
+from mrjax.observables import interface
+from mrjax.simulation.overlap import OVERLAP
 
 from . import beds, kynch
 from .beds import AS_IS, FRICTIONS, SAMPLES, SCANNED, SIDES, TWICE, VARIANTS
@@ -121,13 +121,13 @@ def _against_liggghts() -> str:
                         column,
                     )
                 )
-                for column in observe.HEIGHTS
+                for column in interface.HEIGHTS
             ),
         ]
         for sample, sides, friction in like_for_like()
     ]
     columns = ["sample", "sides", "friction", "LIGGGHTS, top", "mrjax, top"]
-    table = markdown_table(columns + [f"difference, {name}" for name in observe.HEIGHTS], rows)
+    table = markdown_table(columns + [f"difference, {name}" for name in interface.HEIGHTS], rows)
     return f"""## Dropped without a fluid, beside LIGGGHTS 3.8
 
 Both let the particles fall in a vacuum: E = 1e7 Pa, restitution 0.5, steps of 5e-8 s, own random
@@ -154,16 +154,16 @@ def _inferred() -> str:
             *(ours("dropped", sample, "walls", friction).shown(column) for sample in SAMPLES),
             f"{miss(column, friction):.2f}",
         ]
-        for column in observe.HEIGHTS
+        for column in interface.HEIGHTS
         for friction in frictions
     ]
     best = min(
-        ((column, friction) for column in observe.HEIGHTS for friction in frictions),
+        ((column, friction) for column in interface.HEIGHTS for friction in frictions),
         key=lambda one: miss(*one),
     )
     periodic = max(
         ours("dropped", "case3", "periodic", friction).mean(column)
-        for column in observe.HEIGHTS
+        for column in interface.HEIGHTS
         for friction in FRICTIONS
     )
     table = markdown_table(
@@ -197,14 +197,14 @@ def _slow() -> str:
                         column,
                     )
                 )
-                for column in observe.HEIGHTS
+                for column in interface.HEIGHTS
             ),
         ]
         for sample in SAMPLES
         for friction in sorted(FRICTIONS + SCANNED)
     ]
     columns = ["sample", "friction", "dropped, top", "settled, top", f"settled with {TWICE}, top"]
-    table = markdown_table(columns + [f"difference, {name}" for name in observe.HEIGHTS], rows)
+    table = markdown_table(columns + [f"difference, {name}" for name in interface.HEIGHTS], rows)
     return f"""## What slow settling makes of a bed
 
 The same boxes between walls, settled at their true viscosity with contacts softened to an overlap

@@ -4,7 +4,7 @@ from functools import cache
 
 from matplotlib.figure import Figure
 
-from mrjax.files import markdown_table
+from mrjax.io.files import markdown_table
 
 from . import chung_ooi, liggghts, mfix
 from .row import Row

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import jax
 
-from mrjax import files
+from mrjax.io import files
 
 from . import ours, page, problem
 

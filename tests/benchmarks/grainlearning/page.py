@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from mrjax.core.text import Markdown, in_code
-from mrjax.files import markdown_table
+from mrjax.io.files import markdown_table
 
 from . import ours, problem
 

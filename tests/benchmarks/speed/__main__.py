@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 import jax
 
-from mrjax import files
+from mrjax.io import files
 
 from . import (
     command,

@@ -12,7 +12,7 @@ import numpy as np
 
 from mrjax.core.box import Box
 from mrjax.core.parameters import Parameters
-from mrjax.dropped import ELASTIC_MODULUS, RESTITUTION
+from mrjax.paper.dry_beds import ELASTIC_MODULUS, RESTITUTION
 
 from . import process, states
 

@@ -3,7 +3,7 @@
 import platform
 from pathlib import Path
 
-from mrjax.commands import versions
+from mrjax.cli.commands import versions
 
 from . import liggghts, process
 

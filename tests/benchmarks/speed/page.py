@@ -5,7 +5,7 @@ from pathlib import Path
 
 from mrjax.core.text import in_code
 from mrjax.dem.schedule import MOST_STEPS_BETWEEN_REBUILDS
-from mrjax.files import markdown_table
+from mrjax.io.files import markdown_table
 
 from . import states, throughput
 

@@ -7,7 +7,6 @@ walls. Beds are kept in the output folder, as they take a minute each.
 from pathlib import Path
 
 import numpy as np
-from mrjax.recipe.recipe.recipe import Recipe
 
 import mrjax
 from mrjax.core.box import Box
@@ -16,10 +15,11 @@ from mrjax.core.parameters import Parameters
 from mrjax.core.run import Run
 from mrjax.core.state import State
 from mrjax.dem.scan import Setup
-from mrjax.dropped import ELASTIC_MODULUS, REST, RESTITUTION
-from mrjax.overlap import OVERLAP
-from mrjax.pieces import Pieces
-from mrjax.simulate import prepared
+from mrjax.paper.dry_beds import ELASTIC_MODULUS, REST, RESTITUTION
+from mrjax.recipe.recipe import Recipe
+from mrjax.simulation.overlap import OVERLAP
+from mrjax.simulation.pieces import Pieces
+from mrjax.simulation.simulate import prepared
 
 FRICTION = 0.5
 TIME_STEP = 5e-8

@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Any, NoReturn
 import click
 from click.shell_completion import CompletionItem
 
-from mrjax import exit_at_once, streams
+from mrjax.cli import exit_at_once, streams
 from mrjax.core import refusals
 from mrjax.core.errors import InputError, SimulationError, shown
 from mrjax.core.text import in_message, in_terminal
 
 if TYPE_CHECKING:
-    from mrjax.recipe.recipe.recipe import Recipe
+    from mrjax.recipe.recipe import Recipe
 
 UNTRUSTED, WRONG_INPUT, REFUSED, INTERRUPTED = 1, 2, 3, 130
 """Exit statuses beside 0."""
@@ -141,7 +141,7 @@ def write_new(texts: dict[Path, str]) -> None:
       InputError: one of them is there already.
       SystemRefusal: one cannot be written.
     """
-    from mrjax import files
+    from mrjax.io import files
 
     for path in texts:
         if not str(path).isprintable():
@@ -162,7 +162,7 @@ def sheet_names(package: str) -> Callable[..., list[CompletionItem]]:
     def complete(
         _context: click.Context, _parameter: click.Parameter, begun: str
     ) -> list[CompletionItem]:
-        from mrjax.recipe.recipe import sheets
+        from mrjax.recipe import sheets
 
         names = [*sorted(sheets.bundled(package)), *sorted(map(str, Path().glob("*.toml")))]
         # One that is no line of text would be another answer to the shell.
@@ -185,14 +185,14 @@ def start_jax(dtype: str, devices: bool = True) -> None:
     Raises:
       InputError: an environment variable that JAX cannot use.
     """
-    from mrjax import environment
+    from mrjax.cli import environment
 
     environment.start_jax(dtype)
     if devices:
         environment.find_devices()
-    from mrjax import cache
+    from mrjax.cli import program_cache
 
-    cache.keep()
+    program_cache.keep()
 
 
 def versions() -> dict[str, str]:

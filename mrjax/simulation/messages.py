@@ -20,7 +20,7 @@ from mrjax.core.run import Run
 from mrjax.core.state import State
 from mrjax.core.trajectory import Trajectory
 from mrjax.dem.contact_history import Contacts
-from mrjax.recipe.recipe.recipe import Recipe
+from mrjax.recipe.recipe import Recipe
 
 TABLES = {one.__name__: one for one in (Box, Contacts, Run, State, Trajectory)}
 """Dataclasses by name."""

@@ -11,13 +11,12 @@ import jax
 import numpy as np
 from matplotlib.figure import Figure
 
-from mrjax import observe
-from mrjax.dropped import INFERRED_FRICTION
 from mrjax.figures import COLUMN, STYLE, particles
 from mrjax.laws import drag
-from mrjax.observe import Asymptotes
-from mrjax.reproduce import HABERMAN_SAYRE_EXACT, Row, Simulated
-from mrjax.sedimentation import Sedimentation, standard_error
+from mrjax.observables.interface import Asymptotes, asymptotes, sedimentation_ratio
+from mrjax.paper.dry_beds import INFERRED_FRICTION
+from mrjax.paper.table import HABERMAN_SAYRE_EXACT, Row, Simulated
+from mrjax.simulation.sedimentation import Sedimentation, standard_error
 
 COMPARED = ("case2", "case3")
 """The cases that the paper sets beside measurements."""
@@ -46,7 +45,7 @@ def of_paper(found: Sequence[Row], runs: Simulated, settled: Sedimentation) -> l
       settled: case2 at its own viscosity; the first of its runs is drawn.
     """
     curve = jax.tree.map(lambda leaf: leaf[0], settled.run)
-    lines = observe.asymptotes(curve)
+    lines = asymptotes(curve)
     starts = len(runs.final_ratios("case2"))
     errors = [float(standard_error(runs.final_ratios(case))) for case in COMPARED]
     return [
@@ -61,7 +60,7 @@ def of_paper(found: Sequence[Row], runs: Simulated, settled: Sedimentation) -> l
         PaperFigure(
             4,
             sedimentation_curve(
-                np.asarray(curve.times), np.asarray(observe.sedimentation_ratio(curve)), lines
+                np.asarray(curve.times), np.asarray(sedimentation_ratio(curve)), lines
             ),
             "The whole sedimentation curve of case 2 at its own viscosity, with a friction "
             f"coefficient of {np.max(settled.parameters.friction):g}, and its initial and final "

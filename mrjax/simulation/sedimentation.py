@@ -11,17 +11,18 @@ import numpy as np
 from jax import Array
 from jax.typing import DTypeLike
 
-from mrjax import observe, processes
-from mrjax.checkpoint import refuse_foreign
 from mrjax.core import checks
 from mrjax.core.errors import InputError, shown
 from mrjax.core.parameters import Parameters
 from mrjax.core.run import Run
-from mrjax.disperse import disperse
-from mrjax.overlap import OVERLAP
-from mrjax.recipe.recipe.recipe import Recipe
-from mrjax.settle import settle
-from mrjax.soften import softened
+from mrjax.io.checkpoint import refuse_foreign
+from mrjax.observables import interface
+from mrjax.recipe.recipe import Recipe
+from mrjax.simulation import processes
+from mrjax.simulation.disperse import disperse
+from mrjax.simulation.overlap import OVERLAP
+from mrjax.simulation.settle import settle
+from mrjax.simulation.softening import softened
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,7 @@ class Sedimentation:
 
     def ratio(self, height: str = "top") -> Array:
         """Sedimentation ratio by one of `HEIGHTS`; 1, (M, frames + 1)."""
-        return jax.vmap(lambda run: observe.sedimentation_ratio(run, height))(self.run)
+        return jax.vmap(lambda run: interface.sedimentation_ratio(run, height))(self.run)
 
 
 def sedimentation(

@@ -20,9 +20,9 @@ import numpy as np
 from jax.typing import ArrayLike
 from pydantic import BaseModel
 
-from mrjax import files
 from mrjax.core.errors import InputError, shown
-from mrjax.markers import ForeignError, parsed
+from mrjax.io import files
+from mrjax.io.markers import ForeignError, parsed
 
 METADATA = "metadata"
 """Entry of a file that says in JSON what its arrays are."""

@@ -26,8 +26,8 @@ from mrjax.dem.contact_history import Notes
 from mrjax.dem.engine import Engine, Motion, Observed, Outcome
 from mrjax.dem.scan import Setup, in_lab_units, reduced
 from mrjax.dem.schedule import Schedule
-from mrjax.failure import failure, refuse_deep_start
 from mrjax.laws.hindrance import Hindrance
+from mrjax.simulation.failure import failure, refuse_deep_start
 
 T = TypeVar("T")
 

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 from tqdm import tqdm
 
-from mrjax.pieces import Pieces
+from mrjax.simulation.pieces import Pieces
 
 LONG = 60.0
 """Expected length of a call from which on it says so before it begins, s."""

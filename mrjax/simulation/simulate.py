@@ -22,11 +22,11 @@ from mrjax.dem import schedule
 from mrjax.dem.forces import contact
 from mrjax.dem.forces.contact import Laws
 from mrjax.dem.scan import Setup, attempt
-from mrjax.failure import failure
 from mrjax.laws import particle, time_scales
 from mrjax.laws.hindrance import BED, Hindrance, as_tree
-from mrjax.pieces import Pieces
-from mrjax.watching import watched
+from mrjax.simulation.failure import failure
+from mrjax.simulation.pieces import Pieces
+from mrjax.simulation.progress import watched
 
 
 def simulate(

@@ -17,8 +17,8 @@ from scipy.optimize import least_squares
 import mrjax
 from mrjax import Parameters, Recipe, Run, State
 from mrjax.core.units import MM_PER_DAY
-from mrjax.dropped import INFERRED_FRICTION, dropped
 from mrjax.laws import drag, particle, time_scales
+from mrjax.paper.dry_beds import INFERRED_FRICTION, dropped
 
 CASES = ("case1", "case2", "case3")
 RELAXATIONS = 20

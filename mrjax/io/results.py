@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from mrjax import files, markers
 from mrjax.core.errors import InputError
-from mrjax.markers import ForeignError, Strict
+from mrjax.io import files, markers
+from mrjax.io.markers import ForeignError, Strict
 
 LIST = "mrjax-results.json"
 

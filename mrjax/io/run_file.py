@@ -9,12 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 from pydantic import PositiveFloat, PositiveInt
 
-from mrjax import npz, state_file
 from mrjax.core.box import Box
 from mrjax.core.errors import InputError
 from mrjax.core.run import Run
 from mrjax.core.trajectory import Trajectory
-from mrjax.markers import Strict
+from mrjax.io import npz, state_file
+from mrjax.io.markers import Strict
 
 OF_RUN = {
     "times_s": "times",

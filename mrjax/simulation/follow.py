@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-from mrjax import state_file
-from mrjax.checkpoint import Checkpoint, Sequence, refuse_foreign
 from mrjax.core import checks
 from mrjax.core.box import Box
 from mrjax.core.errors import InputError
@@ -11,10 +9,12 @@ from mrjax.core.interruption import interruptible
 from mrjax.core.parameters import Parameters
 from mrjax.core.run import Run
 from mrjax.core.state import State
+from mrjax.io import state_file
+from mrjax.io.checkpoint import Checkpoint, Sequence, refuse_foreign
 from mrjax.laws.hindrance import Hindrance, as_tree
-from mrjax.pieces import Pieces
-from mrjax.simulate import prepared
-from mrjax.watching import watched
+from mrjax.simulation.pieces import Pieces
+from mrjax.simulation.progress import watched
+from mrjax.simulation.simulate import prepared
 
 MOST_AT_ONCE = 10**8
 """Steps of one particle in a part that is kept: some seconds."""

@@ -6,10 +6,11 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from mrjax import checkpoint, commands, results, state_file
-from mrjax.checkpoint import Checkpoint
+from mrjax.cli import commands
 from mrjax.core import refusals
 from mrjax.core.errors import InputError, SimulationError, SystemRefusal
+from mrjax.io import checkpoint, results, state_file
+from mrjax.io.checkpoint import Checkpoint
 
 FOLDER = "checkpoint"
 LAST_GOOD = "last_good_state.npz"

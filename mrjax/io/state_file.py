@@ -9,11 +9,11 @@ import numpy as np
 from jax import Array
 from pydantic import FiniteFloat, PositiveFloat
 
-from mrjax import npz
 from mrjax.core.errors import InputError
 from mrjax.core.state import State
 from mrjax.dem.contact_history import WALLS, Contacts
-from mrjax.markers import Strict
+from mrjax.io import npz
+from mrjax.io.markers import Strict
 
 
 class Metadata(Strict):

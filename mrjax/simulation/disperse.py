@@ -23,7 +23,7 @@ from mrjax.core.state import State, place
 from mrjax.dem import neighbours
 from mrjax.dem.neighbours import Neighbours, Plan
 from mrjax.laws import particle
-from mrjax.recipe.recipe.recipe import Recipe
+from mrjax.recipe.recipe import Recipe
 
 CLEARANCE = 0.005
 """How much larger than the particles the soft spheres are."""

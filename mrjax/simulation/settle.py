@@ -12,8 +12,6 @@ import numpy as np
 from jax import Array
 from tqdm import tqdm
 
-from mrjax import expected, processes, state_file
-from mrjax.checkpoint import Checkpoint, refuse_foreign
 from mrjax.core import checks
 from mrjax.core.box import Box
 from mrjax.core.errors import InputError, SimulationError
@@ -24,11 +22,14 @@ from mrjax.core.state import State
 from mrjax.core.tracing import known
 from mrjax.dem import contact_history
 from mrjax.dem.scan import Setup
+from mrjax.io import state_file
+from mrjax.io.checkpoint import Checkpoint, refuse_foreign
 from mrjax.laws.hindrance import Hindrance, as_tree
-from mrjax.pieces import Pieces
-from mrjax.simulate import prepared
-from mrjax.stages import keep, resume
-from mrjax.watching import announce
+from mrjax.simulation import estimates, processes
+from mrjax.simulation.follow import keep, resume
+from mrjax.simulation.pieces import Pieces
+from mrjax.simulation.progress import announce
+from mrjax.simulation.simulate import prepared
 
 ALONG = ("heights", "mean_velocity", "mean_speed", "trajectory")
 """What a run has one of for every frame, beside the times."""
@@ -98,9 +99,9 @@ def settle(
         raise InputError("states differ in their number of particles, or there are none")
     particles = each[0].particles
     numbers = known(parameters)
-    far = [expected.ways(numbers, box, state.position) for state in each]
-    way = expected.Way(*np.max(far, axis=0))
-    expectation, falling = expected.duration(numbers, box, particles, way)
+    far = [estimates.ways(numbers, box, state.position) for state in each]
+    way = estimates.Way(*np.max(far, axis=0))
+    expectation, falling = estimates.duration(numbers, box, particles, way)
     interval = expectation / checks.whole(frames, "frames")
     longest = checks.positive(
         PATIENCE * expectation if longest is None else longest, "longest", "s"
@@ -108,7 +109,7 @@ def settle(
     if time_step is not None:
         time_step = checks.positive(time_step, "time_step", "s")
     else:
-        time_step = min(interval, expected.step(numbers, box, particles, falling, hindrance))
+        time_step = min(interval, estimates.step(numbers, box, particles, falling, hindrance))
     kept = None
     if checkpoint is not None:
         if processes.count() > 1:
@@ -128,7 +129,7 @@ def settle(
             states=[state_file.arrays(state) for state in each],
         )
         kept.claim()  # before threads would do so at once
-    steps = expected.TO_REST * expectation / time_step
+    steps = estimates.TO_REST * expectation / time_step
     announce("settle", steps * len(each) / min(len(each), processes.usable_cores()), particles)
     tried = 0
     with interruptible() as stop:

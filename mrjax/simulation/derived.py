@@ -6,14 +6,14 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from mrjax import expected
 from mrjax.core.numpy_evaluation import by_numpy
 from mrjax.core.parameters import Parameters
 from mrjax.core.units import MM_PER_DAY
 from mrjax.laws import closed_forms, dimensionless, particle, time_scales
-from mrjax.overlap import OVERLAP
-from mrjax.recipe.recipe.recipe import Recipe
-from mrjax.soften import softened
+from mrjax.recipe.recipe import Recipe
+from mrjax.simulation import estimates
+from mrjax.simulation.overlap import OVERLAP
+from mrjax.simulation.softening import softened
 
 
 @dataclass(frozen=True)
@@ -41,12 +41,12 @@ def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
     parameters, count = recipe.parameters(), recipe.particle_count
     of = by_numpy(_of, parameters)
     soft = softened(parameters, recipe.box, count, overlap)
-    way = expected.Way(recipe.box.height, recipe.box.height)
-    fall, falling = expected.duration(soft, recipe.box, count, way)
-    step = expected.step(soft, recipe.box, count, falling, recipe.hindrance)
+    way = estimates.Way(recipe.box.height, recipe.box.height)
+    fall, falling = estimates.duration(soft, recipe.box, count, way)
+    step = estimates.step(soft, recipe.box, count, falling, recipe.hindrance)
     factor = float(soft.elastic_modulus) / float(parameters.elastic_modulus)
     numbers = dimensionless.numbers(parameters, of["velocity"])
-    rest, steps = expected.TO_REST * fall, expected.TO_REST * fall / step
+    rest, steps = estimates.TO_REST * fall, estimates.TO_REST * fall / step
     found = [
         ("particles", "particles in the box", count, "1"),
         ("volume_fraction", "volume fraction of particles", recipe.volume_fraction, "1"),

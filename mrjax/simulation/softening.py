@@ -19,7 +19,7 @@ from mrjax.core.numpy_evaluation import by_numpy
 from mrjax.core.parameters import Parameters, per_particle
 from mrjax.core.tracing import known, where_known
 from mrjax.laws import drag, particle, time_scales
-from mrjax.overlap import MOST_OVERLAP
+from mrjax.simulation.overlap import MOST_OVERLAP
 
 FORCE_CHAINS = 4.5
 """Greatest contact force at the floor of a random bed over the mean load of a particle there."""

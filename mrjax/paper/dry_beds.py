@@ -10,7 +10,7 @@ from pathlib import Path
 import mrjax
 from mrjax.core.box import Box
 from mrjax.core.run import Run
-from mrjax.recipe.recipe.recipe import Recipe
+from mrjax.recipe.recipe import Recipe
 
 INFERRED_FRICTION = 0.2
 """Not given by the paper: inferred, as one coefficient whose beds between walls have the printed

@@ -8,7 +8,6 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from mrjax import soften
 from mrjax.core.box import Box
 from mrjax.core.errors import InputError
 from mrjax.core.numpy_evaluation import by_numpy
@@ -17,6 +16,7 @@ from mrjax.core.tracing import concrete, known, where_known
 from mrjax.laws import closed_forms, particle, time_scales
 from mrjax.laws.hindrance import BED, Hindrance
 from mrjax.laws.time_scales import Mode
+from mrjax.simulation import softening
 
 RANDOM_BED = (Mode(2.8, 2.8, 2.8),)
 """About what the contacts of a random bed of spheres add up to; a run that shows this to be too few
@@ -183,7 +183,7 @@ def _overlaps(numbers: Parameters, box: Box, particles: int, falling: float) -> 
     """Of the bed, of a single particle on another and of an impact, m; the volume fraction."""
     radius = per_particle(particle.outer_radius(numbers), particles)
     return (
-        soften.resting_overlap(numbers, box, particles),
+        softening.resting_overlap(numbers, box, particles),
         time_scales.expected_overlap(numbers, jnp.max(jnp.abs(particle.net_weight(numbers))), 0.0),
         time_scales.expected_overlap(numbers, 0.0, falling),
         4 / 3 * jnp.pi * jnp.sum(radius**3) / box.volume,

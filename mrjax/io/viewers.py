@@ -15,11 +15,11 @@ import numpy as np
 from jax.typing import ArrayLike
 from pydantic import NonNegativeInt
 
-from mrjax import files, markers
 from mrjax.core import refusals
 from mrjax.core.errors import InputError
 from mrjax.core.run import Run
-from mrjax.markers import ForeignError, Strict
+from mrjax.io import files, markers
+from mrjax.io.markers import ForeignError, Strict
 
 PER_METRE = 1e6
 """Micrometres."""

@@ -11,8 +11,8 @@ import jax
 import numpy as np
 from jax.experimental import multihost_utils
 
-from mrjax import messages, partners
 from mrjax.core.errors import InputError, SimulationError, SystemRefusal
+from mrjax.simulation import messages, partners
 
 T = TypeVar("T")
 R = TypeVar("R")

@@ -12,13 +12,13 @@ import jax.numpy as jnp
 from jax import Array, lax
 from jax.typing import ArrayLike
 
-from mrjax.concentration import half_concentration, solid_below
 from mrjax.core import checks
 from mrjax.core.errors import InputError, shown
 from mrjax.core.parameters import Parameters
 from mrjax.core.run import Run, from_bed
 from mrjax.core.tracing import concrete
 from mrjax.laws import drag, particle
+from mrjax.observables.concentration import half_concentration, solid_below
 
 
 def settling_velocity(run: Run) -> Array:

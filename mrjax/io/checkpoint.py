@@ -27,12 +27,13 @@ import numpy as np
 from jax.typing import ArrayLike
 from pydantic import BaseModel
 
-from mrjax import cache, files, markers, npz
+from mrjax.cli import program_cache
 from mrjax.core.errors import InputError
 from mrjax.core.text import in_message
-from mrjax.identity import identity
-from mrjax.markers import ForeignError, Strict
-from mrjax.npz import DamagedError
+from mrjax.io import files, markers, npz
+from mrjax.io.identity import identity
+from mrjax.io.markers import ForeignError, Strict
+from mrjax.io.npz import DamagedError
 
 try:
     import fcntl
@@ -547,7 +548,7 @@ def _is_scratch(entry: os.DirEntry) -> bool:
 def _environment() -> dict[str, str]:
     """On what else the last digits hang."""
     versions = {f"version of {name}": importlib.metadata.version(name) for name in PACKAGES}
-    return versions | {"machine": cache.machine(), "device": jax.default_backend()}
+    return versions | {"machine": program_cache.machine(), "device": jax.default_backend()}
 
 
 def _told(name: str, value: Any) -> Iterator[tuple[str, str]]:
