@@ -29,7 +29,7 @@ from calibrate.levenberg import Bounds, Point
 from calibrate.waiting import stoppable, watched
 from mrjax import InputError
 from mrjax.core import randomness
-from mrjax.core.promotion import permissive
+from mrjax.core.promotion import relaxed_promotion
 from mrjax.io.checkpoint import Checkpoint, digest, refuse_foreign
 
 CONVERGED_BELOW = 1e-4
@@ -184,7 +184,7 @@ def fit(
     shapes = tuple(np.shape(leaf) for leaf in leaves)
     compiled = _compiled(residuals, structure, shapes, held, robust, data is None)
     each = box.clip(_starts(np.log(values), precision, starts, seed))
-    with stoppable(), permissive(), _bar(progress) as bar:
+    with stoppable(), relaxed_promotion(), _bar(progress) as bar:
         count = _vector(compiled, each[0], given) - len(held)
         asked, keeping = compiled, lambda _, function: function
         if checkpoint is not None:

@@ -24,7 +24,7 @@ from calibrate.predict import ForwardModelMaker, as_measured, forward_model
 from calibrate.suspension import BED, CLOSURE, refuse_unknown
 from calibrate.units import VELOCITY_UNITS
 from mrjax import InputError, Recipe, SimulationError
-from mrjax.core.promotion import permissive
+from mrjax.core.promotion import relaxed_promotion
 from mrjax.core.text import in_terminal
 from mrjax.io.checkpoint import refuse_foreign
 
@@ -80,7 +80,7 @@ def forecast(
         theta = OrderedDict(zip(names, jnp.exp(logs), strict=True))
         return jnp.stack(as_measured(sample, predict(experiment.suspension_of(sample, theta))))
 
-    with permissive():
+    with relaxed_promotion():
         values = np.asarray(jax.jit(predicted)(jnp.asarray(logs)))
         slopes = np.asarray(jax.jit(jax.jacfwd(predicted))(jnp.asarray(logs)))
     errors = np.sqrt(np.einsum("mp,pq,mq->m", slopes, spread, slopes))

@@ -20,7 +20,7 @@ from calibrate.identify import identify, information
 from calibrate.waiting import stoppable
 from mrjax import InputError
 from mrjax.core import randomness
-from mrjax.core.promotion import permissive
+from mrjax.core.promotion import relaxed_promotion
 from mrjax.io.checkpoint import Checkpoint, refuse_foreign
 
 CHAINS, WARM_UP, SAMPLES = 4, 300, 500
@@ -103,7 +103,7 @@ def posterior(
     def log_density(position: Array) -> Array:
         return -0.5 * jnp.sum(fit.everything(best + whitened @ position, fit.given) ** 2)
 
-    with stoppable(), permissive(), randomness.ordered():
+    with stoppable(), relaxed_promotion(), randomness.ordered():
         sampler = Sampler(
             log_density, best.size, chains=CHAINS, seed=seed, warm_up=WARM_UP, draws=samples
         )

@@ -21,7 +21,7 @@ from calibrate.suspension import BED, CLOSURE, Suspension
 from calibrate.units import CURVES
 from mrjax import InputError
 from mrjax.core import checks
-from mrjax.core.tracing import concrete
+from mrjax.core.tracing import value_or_none
 from mrjax.laws import particle, time_scales
 from mrjax.observables import interface
 from mrjax.simulation.overlap import OVERLAP
@@ -167,7 +167,7 @@ def particles(
 
     def predict(suspension: Suspension) -> Prediction:
         parameters = suspension.parameters
-        slowest = concrete(jnp.max(time_scales.relaxation_time(parameters)))
+        slowest = value_or_none(jnp.max(time_scales.relaxation_time(parameters)))
         if slowest is not None and FEWEST_RELAXATIONS * slowest > duration:
             raise InputError(
                 f"sample {sample.name!r}: particles relax {slowest / relaxation:.3g} times more "
@@ -250,7 +250,7 @@ def _tube(sample: Sample, suspension: Suspension, cells: int) -> dict:
 
 def _enough(steps: int, tube: dict) -> int:
     """As many steps as a fit has, or more where it is known that they do not do."""
-    if any(concrete(leaf) is None for leaf in jax.tree.leaves(tube)):
+    if any(value_or_none(leaf) is None for leaf in jax.tree.leaves(tube)):
         return steps
     return max(steps, mrjax.column_steps(**tube))
 

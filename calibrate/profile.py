@@ -12,7 +12,7 @@ from tqdm import tqdm
 from calibrate.fit import Fit
 from calibrate.identify import identify, information
 from calibrate.waiting import stoppable
-from mrjax.core.promotion import permissive
+from mrjax.core.promotion import relaxed_promotion
 from mrjax.core.text import in_terminal
 
 LEVELS = {"68 %": 1.0, "95 %": 3.841459}
@@ -65,7 +65,7 @@ def _profile(fit: Fit, place: int, error: float, bar: tqdm) -> Profile:
     within = curved[np.ix_(free, free)]
     along[free] = -np.linalg.pinv(within, hermitian=True) @ curved[free, place]
     offsets = np.linspace(-REACH * error, REACH * error, POINTS)
-    with permissive():
+    with relaxed_promotion():
         bar.set_postfix_str(in_terminal(name))
         lowest = _held(fit, free, best, steps=0)
         increase = np.empty(POINTS)

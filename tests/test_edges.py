@@ -9,7 +9,7 @@ from pytest import approx as near
 
 import calibrate
 import mrjax
-from mrjax.core.tracing import known, where_known
+from mrjax.core.tracing import drop_tracers, evaluated_or_none
 from mrjax.laws import closed_forms, hindrance, particle, time_scales
 from mrjax.observables import interface
 from mrjax.simulation import softening
@@ -307,9 +307,11 @@ def test_what_hangs_on_a_traced_value_is_none():
     seen = []
 
     def looked(viscosity):
-        numbers = known(mrjax.Parameters(**(WET | dict(viscosity=viscosity)), particle_density=1e3))
-        seen.append(where_known(particle.outer_radius, numbers))
-        seen.append(where_known(time_scales.rise_time, numbers))
+        numbers = drop_tracers(
+            mrjax.Parameters(**(WET | dict(viscosity=viscosity)), particle_density=1e3)
+        )
+        seen.append(evaluated_or_none(particle.outer_radius, numbers))
+        seen.append(evaluated_or_none(time_scales.rise_time, numbers))
         return viscosity
 
     jax.jit(looked)(1e-3)

@@ -10,7 +10,7 @@ import pytest
 
 import mrjax
 from mrjax.cli import resume
-from mrjax.dem import contact_history
+from mrjax.core.state import allocate_history
 from mrjax.io import npz, results
 from mrjax.simulation import follow
 
@@ -157,7 +157,7 @@ def test_a_bed_that_fails_tells_its_time_and_particle(case2):
 def test_a_state_comes_back_to_the_last_bit(tmp_path, case2):
     """With what its contacts remember."""
     state = mrjax.disperse(case2, seed=1)
-    contacts = contact_history.blank(state.particles, 5, float, sliding=True, rolling=False)
+    contacts = allocate_history(state.particles, 5, float, sliding=True, rolling=False)
     contacts = replace(contacts, sliding=contacts.sliding + 0.1)
     for one in (
         replace(state, contacts=contacts),

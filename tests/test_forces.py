@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import mrjax
-from mrjax.dem import contact_history
+from mrjax.core.state import WALLS
 from mrjax.dem.forces import contact
 from mrjax.laws import closed_forms, particle, time_scales
 
@@ -87,7 +87,7 @@ def test_every_wall_is_like_the_floor(axis, end):
             [axial @ [20.0, -40.0, 30.0]],
         )
         stretch, angle = view @ [1e-7, -2e-7, 0.0], axial @ [2e-4, 1e-4, 0.0]
-        wall = jnp.array([[contact_history.WALLS[2 * axis + end]]], jnp.int32)
+        wall = jnp.array([[WALLS[2 * axis + end]]], jnp.int32)
         contacts = mrjax.Contacts(wall, jnp.array([[stretch]]), jnp.array([[angle]]))
         return replace(state, contacts=contacts), view, axial
 
@@ -100,7 +100,7 @@ def test_every_wall_is_like_the_floor(axis, end):
         allowed = 1e-12 * np.abs(of_floor).max()
         np.testing.assert_allclose(of_this[0], seen @ of_floor[0], rtol=0, atol=allowed)
     # Without the memory, or with that of the wall across, it would be another force.
-    across = jnp.array([[contact_history.WALLS[2 * axis + 1 - end]]], jnp.int32)
+    across = jnp.array([[WALLS[2 * axis + 1 - end]]], jnp.int32)
     for contacts in (None, replace(state.contacts, partner=across)):
         other, _ = mrjax.contact_forces(replace(state, contacts=contacts), rough, ROOM)
         assert np.abs(other - found[0]).max() > 1e-2 * np.abs(found[0]).max()

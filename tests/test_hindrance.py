@@ -133,12 +133,12 @@ def test_the_factor_of_each_height_and_nothing_denser_than_can_be():
     parameters = spheres(0.8)
     position = jnp.stack([height, height, height])
     law = Partial(drag.richardson_zaki, exponent=3.0)
-    felt = hindrance.hindered(parameters, law, box, position, 2.0)
+    felt = hindrance.hindered_parameters(parameters, law, box, position, 2.0)
     fraction = double_sum(np.full(100, 0.8), box, height, 2.0)
     np.testing.assert_allclose(felt.f_w, (1 - fraction) ** -3.0, rtol=1e-11)
     assert felt.f_s == parameters.f_s
-    packed = hindrance.hindered(spheres(3.0), law, box, position, 2.0)
-    assert float(packed.f_w.max()) == near((1 - hindrance.DENSEST) ** -3.0, rel=EXACT)
+    packed = hindrance.hindered_parameters(spheres(3.0), law, box, position, 2.0)
+    assert float(packed.f_w.max()) == near((1 - hindrance.LARGEST_FRACTION) ** -3.0, rel=EXACT)
 
 
 # --- runs ---------------------------------------------------------------------------------------

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 
 import mrjax
+from mrjax.core.state import NOBODY, WALLS
 from mrjax.dem import contact_history
-from mrjax.dem.contact_history import Memory, Notes
+from mrjax.dem.contact_history import PairHistory, ParticleHistory
 from mrjax.dem.pairs import Pairs
+from mrjax.laws import vectors
 
 near = partial(pytest.approx, rel=1e-13, abs=0.0)  # its own abs passes all within 1e-12
 
@@ -42,7 +44,7 @@ def turned(angle, twist):
     # Of the distance D n, D dn/dt is the velocity across n; D (n - n_old) is what was travelled.
     turn = np.cos(angle) * normal - OLD_NORMAL
     found = np.stack(
-        contact_history.turned(
+        contact_history.rotate_into_tangent_plane(
             tuple(VECTOR.T), tuple(normal.T), tuple(turn.T), np.full(100, twist)
         ),
         axis=1,
@@ -67,8 +69,8 @@ def test_a_memory_turns_with_the_contact():
 def test_a_wall_does_not_turn_it_but_spin_about_its_normal_does():
     normal, vector = (0.0, 0.0, 1.0), (0.6, 0.8, 0.0)
     none = (0.0, 0.0, 0.0)
-    assert contact_history.turned(vector, normal, none, 0.0) == vector
-    x, y, z = contact_history.turned(vector, normal, none, 1e-3)
+    assert contact_history.rotate_into_tangent_plane(vector, normal, none, 0.0) == vector
+    x, y, z = contact_history.rotate_into_tangent_plane(vector, normal, none, 1e-3)
     # (0.6 - 0.8 t, 0.8 + 0.6 t) and the second order.
     assert x == near(0.6 - 0.8e-3 - 0.3e-6)
     assert y == near(0.8 + 0.6e-3 - 0.4e-6)
@@ -79,7 +81,7 @@ def test_a_wall_does_not_turn_it_but_spin_about_its_normal_does():
 
 
 def shortening(vector, longest):
-    return contact_history.shortening(tuple(vector), longest)
+    return vectors.clip_factor(tuple(vector), longest)
 
 
 @pytest.mark.parametrize(
@@ -203,38 +205,44 @@ def remembered(contacts):
     found = listed([*contacts])
     value = jnp.asarray(values(contacts, found, elsewhere=9.9))
     sliding = tuple(factor * value for factor in FACTORS)
-    return Memory(sliding, tuple(10.0 * part for part in sliding)), found
+    return PairHistory(sliding, tuple(10.0 * part for part in sliding)), found
 
 
 def test_both_surfaces_note_what_a_contact_remembers():
     """The second has slid and rolled the opposite way; walls take no notes."""
     memory, found = remembered(CONTACTS)
-    notes = contact_history.noted(memory, found)
+    notes = contact_history.particles_from_pairs(memory, found)
     expected = [{} for _ in range(COUNT)]
     for (one, other), value in CONTACTS.items():
-        expected[one][other if other < COUNT else contact_history.WALLS[other - COUNT]] = value
+        expected[one][other if other < COUNT else WALLS[other - COUNT]] = value
         if other < COUNT:
             expected[other][one] = -value
     partner = np.asarray(notes.partner)
     for one, known in enumerate(expected):
-        held = partner[:, one] != contact_history.NOBODY
+        held = partner[:, one] != NOBODY
         assert sorted(partner[held, one]) == sorted(known)
         value = np.array([known[other] for other in partner[held, one].tolist()])
         for unit, vector in ((1.0, notes.sliding), (10.0, notes.rolling)):
             for factor, part in zip(FACTORS, vector, strict=True):
                 np.testing.assert_array_equal(part[held, one], unit * (factor * value))
                 assert not part[~held, one].any()
-    assert contact_history.noted(Memory(None, memory.rolling), found).sliding is None
-    assert contact_history.noted(Memory(memory.sliding, None), found).rolling is None
+    assert (
+        contact_history.particles_from_pairs(PairHistory(None, memory.rolling), found).sliding
+        is None
+    )
+    assert (
+        contact_history.particles_from_pairs(PairHistory(memory.sliding, None), found).rolling
+        is None
+    )
 
 
 def test_the_walls_have_six_ids_of_their_own():
     contacts = {(wall - COUNT, wall): 1.0 for wall in range(COUNT, COUNT + 6)}
     memory, found = remembered(contacts)
-    notes = contact_history.noted(memory, found)
+    notes = contact_history.particles_from_pairs(memory, found)
     # Lower and upper end of x, then of y, then of z.
     np.testing.assert_array_equal(jnp.min(notes.partner, axis=0), [-2, -3, -4, -5, -6, -7])
-    assert contact_history.WALLS == (-2, -3, -4, -5, -6, -7)
+    assert WALLS == (-2, -3, -4, -5, -6, -7)
 
 
 def test_a_new_list_finds_every_memory_again():
@@ -259,7 +267,7 @@ def test_a_new_list_finds_every_memory_again():
             [0.7, 9.9, 0.6, 9.9, 9.9, 9.9],
         ]
     )
-    notes = Notes(old, tuple(factor * value for factor in FACTORS), None)
+    notes = ParticleHistory(old, tuple(factor * value for factor in FACTORS), None)
     contacts = {
         (5, 0): -5.1,  # 0 and 5, now seen from 5
         (4, 1): -4.2,
@@ -272,7 +280,7 @@ def test_a_new_list_finds_every_memory_again():
         (3, UPPER_Y): 0.5,
     }
     new = listed([*contacts])
-    memory = contact_history.begun(notes, new)
+    memory = contact_history.pairs_from_particles(notes, new)
     np.testing.assert_array_equal(
         memory.sliding, np.multiply.outer(FACTORS, values(contacts, new)), strict=True
     )
@@ -281,7 +289,9 @@ def test_a_new_list_finds_every_memory_again():
     # What was not listed is forgotten for good.
     known = {(0, 5): 5.1, (1, 4): 4.2, (0, 3): 0.0, (1, UPPER_Y): 0.0, (2, UPPER_Z): 0.0}
     later = listed([*known])
-    back = contact_history.begun(contact_history.noted(memory, new), later).sliding[0]
+    back = contact_history.pairs_from_particles(
+        contact_history.particles_from_pairs(memory, new), later
+    ).sliding[0]
     np.testing.assert_array_equal(back, values(known, later))
 
 
@@ -290,9 +300,9 @@ def test_a_memory_survives_any_number_of_lists():
     seen = [(other, one) if other < COUNT else (one, other) for one, other in CONTACTS]
     memory, found = remembered(CONTACTS)
     for order, slots in ((seen, 4), ([*CONTACTS], 9), (sorted(seen), 5)):
-        notes = contact_history.noted(memory, found)
+        notes = contact_history.particles_from_pairs(memory, found)
         found = listed(order, slots)
-        memory = contact_history.begun(notes, found)
+        memory = contact_history.pairs_from_particles(notes, found)
     opposite = {pair: CONTACTS.get(pair, -CONTACTS.get(pair[::-1], 0.0)) for pair in seen}
     expected = np.multiply.outer(FACTORS, values(opposite, found))
     np.testing.assert_array_equal(memory.sliding, expected)
@@ -302,7 +312,7 @@ def test_a_memory_survives_any_number_of_lists():
 # --- from run to run ------------------------------------------------------------------------------
 
 STEP = 4e-6
-FLOOR = contact_history.WALLS[4]  # the lower end of z
+FLOOR = WALLS[4]  # the lower end of z
 BOX = mrjax.Box((8e-3, 8e-3, 12e-3), (True, True, False))
 GRAINS = mrjax.Parameters(
     radius=jnp.array([1.0, 0.8, 0.9, 1.0, 0.7, 1.0, 0.9]) * 1e-3,
@@ -367,10 +377,10 @@ def test_a_run_in_parts_is_the_run(whole_and_cut):
         partner = state.contacts.partner
         assert partner.shape == (7, 7)  # five particles, two walls
         held = jnp.any(state.contacts.sliding != 0.0, axis=2)
-        assert (partner[held] != contact_history.NOBODY).all()
+        assert (partner[held] != NOBODY).all()
         for met in (partner == FLOOR, partner >= 0):
             assert int((held & met).sum()) >= 2
-        assert ((partner >= 0) | (partner == FLOOR) | (partner == contact_history.NOBODY)).all()
+        assert ((partner >= 0) | (partner == FLOOR) | (partner == NOBODY)).all()
     assert max(differences(last, whole)) < SAME
     np.testing.assert_array_equal(last.contacts.partner, whole.contacts.partner)
     for name, unit_of in (("sliding", 1e-3), ("rolling", 1.0)):

@@ -46,7 +46,7 @@ def runs(monkeypatch, function):
     """What a function gives with and without the order of space."""
     found = []
     for many in (1, sys.maxsize):
-        monkeypatch.setattr(sorting, "MANY", many)
+        monkeypatch.setattr(sorting, "SORT_FROM", many)
         found.append(function())
     return found
 
@@ -112,7 +112,7 @@ def test_the_order_is_that_of_cells(periodic):
     random = np.random.default_rng(1)
     position = random.uniform(0.0, 1.0, (500, 3)) * box.size
     shifted = position + np.array([9.0 * periodic, 0.0, 0.0])
-    places = np.asarray(sorting.in_space(jnp.asarray(shifted), box, 1.0))
+    places = np.asarray(sorting.spatial_order(jnp.asarray(shifted), box, 1.0))
     assert sorted(places) == list(range(500))
     x, y, z = np.floor(position[places]).T
     rows = 100 * x + 10 * y + z

@@ -372,8 +372,8 @@ def separated(listed, displacement):
     """The separations after displacements (3, N), as the forces see them."""
     mine = tuple(part[listed.first] for part in displacement)
     theirs = tuple(part.at[listed.second].get(mode="fill", fill_value=0.0) for part in displacement)
-    moved = (contact.Body(way, None, None, None, None) for way in (mine, theirs))
-    return contact.apart(*moved, listed.separation, listed.axis)
+    moved = (contact.ParticleState(way, None, None, None, None) for way in (mine, theirs))
+    return contact.separation_of(*moved, listed.separation, listed.axis)
 
 
 def test_separated(crowd):

@@ -18,7 +18,7 @@ from jax.interpreters import ad, batching, mlir, partial_eval
 
 import mrjax
 from mrjax.dem import engine, neighbours, pairs
-from mrjax.dem.contact_history import Memory
+from mrjax.dem.contact_history import PairHistory
 from mrjax.dem.forces import contact
 from mrjax.dem.pairs import Pairs
 from mrjax.kernel.llvm import codegen
@@ -187,7 +187,7 @@ def meeting(touches, laws=ALL, dtype="float64", seed=0, spare=3, mixed=False):
     def array(size: float, *shape: int):
         return jnp.asarray(size * random.uniform(-1.0, 1.0, shape), dtype)
 
-    memory = Memory(
+    memory = PairHistory(
         *(array(0.02, 3, room) if acts else None for acts in (laws.sliding, laws.rolling))
     )
     of_each = 3, PARTICLES
@@ -861,7 +861,7 @@ def builds(monkeypatch):
 
 
 def flight(monkeypatch, parameters, state, hurry, duration=1.0, steps=400):
-    monkeypatch.setattr(engine, "HURRY", hurry)
+    monkeypatch.setattr(engine, "SPEED_MARGIN", hurry)
     pieces._advance.clear_cache()
     run = mrjax.simulate(
         state,
@@ -888,7 +888,7 @@ RESTING = mrjax.place(GRID + RANDOM.uniform(-0.2, 0.2, GRID.shape))
 def test_lists_that_are_kept_give_what_those_built_anew_give(builds, monkeypatch, start, gravity):
     """They cross many skins of 0.2, and collide; built anew, after every step."""
     parameters = BALLS.replace(gravity=gravity)
-    kept = flight(monkeypatch, parameters, start, engine.HURRY)
+    kept = flight(monkeypatch, parameters, start, engine.SPEED_MARGIN)
     of_kept = len(builds)
     anew = flight(monkeypatch, parameters, start, 1e9)
     of_anew = len(builds) - of_kept

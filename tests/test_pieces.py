@@ -167,7 +167,7 @@ def test_a_checkpoint_of_another_layout_is_refused(small, tmp_path, monkeypatch)
 def test_many_particles_keep_their_order(monkeypatch, small, whole):
     """In pieces, too: those that a run sorts in space are given back as they came."""
     parameters, state = small
-    monkeypatch.setattr(sorting, "MANY", 2)
+    monkeypatch.setattr(sorting, "SORT_FROM", 2)
     sorted_run = mrjax.simulate(state, parameters, WALLED, **DURATION, trajectory=True)
     np.testing.assert_allclose(sorted_run.heights, whole.heights, rtol=1e-9)
     np.testing.assert_allclose(sorted_run.state.position, whole.state.position, rtol=1e-9)

@@ -15,7 +15,7 @@ from calibrate import LogNormal, chains, diagnostics
 from calibrate import fit as fitted_to
 from calibrate.chains import Sampler, arrays
 from calibrate.posterior import Posterior, posterior
-from mrjax.core.promotion import permissive
+from mrjax.core.promotion import relaxed_promotion
 
 HERE = Path(__file__).parent
 
@@ -114,7 +114,7 @@ def test_draws_do_not_depend_on_the_pieces(monkeypatch):
     """Chains from a seed, one step at a time and as many as there may be."""
     pytest.importorskip("blackjax")
     found = []
-    with permissive():
+    with relaxed_promotion():
         sampler = Sampler(
             lambda at: -0.5 * jnp.sum(at**2) - 0.1 * jnp.sum(at**4),
             2, chains=4, seed=3, warm_up=40, draws=30,

@@ -15,7 +15,7 @@ import pytest
 
 import calibrate
 import mrjax
-from mrjax.core.numpy_evaluation import by_numpy
+from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.laws import drag, normal, time_scales
 from mrjax.simulation import softening
 
@@ -192,7 +192,7 @@ def test_numbers_by_numpy_are_those_of_jax(dtype):
         (drag.son2018, dtype(0.3)),
         (drag.haberman_sayre, dtype(0.3)),
     ):
-        found, expected = by_numpy(law, *arguments), law(*arguments)
+        found, expected = evaluate_with_numpy(law, *arguments), law(*arguments)
         assert isinstance(found, np.ndarray)
         assert found.dtype == expected.dtype == dtype and found.shape == expected.shape
         # Powers and logarithms of two libraries: some units in the last place.
@@ -205,22 +205,22 @@ def test_what_numpy_does_not_know_is_left_to_jax():
         return {"b": jnp.sort(jnp.sin(counted)), "c": (jnp.sum(tree["a"]) > 2.0, times // 2)}
 
     tree = {"a": jnp.array([3.0, 1.0, 2.0])}
-    found, expected = by_numpy(law, tree, 3), law(tree, 3)
+    found, expected = evaluate_with_numpy(law, tree, 3), law(tree, 3)
     np.testing.assert_allclose(found["b"], expected["b"], rtol=1e-15)
     assert found["c"] == (True, 1)
 
 
 def test_by_numpy_neither_warns_nor_hides_what_is_no_number():
-    assert by_numpy(jnp.sqrt, -1.0) != by_numpy(jnp.sqrt, -1.0)
-    assert by_numpy(lambda x: 1.0 / x, 0.0) == np.inf
-    assert np.isnan(by_numpy(lambda x: jnp.max(jnp.array([1.0, x])), np.nan))
+    assert evaluate_with_numpy(jnp.sqrt, -1.0) != evaluate_with_numpy(jnp.sqrt, -1.0)
+    assert evaluate_with_numpy(lambda x: 1.0 / x, 0.0) == np.inf
+    assert np.isnan(evaluate_with_numpy(lambda x: jnp.max(jnp.array([1.0, x])), np.nan))
 
 
 def test_by_numpy_knows_numbers_while_others_are_traced():
     @jax.jit
     def traced(x):
         with jax.ensure_compile_time_eval():
-            known = float(by_numpy(drag.son2018, 0.2))
+            known = float(evaluate_with_numpy(drag.son2018, 0.2))
         return x * known
 
     assert float(traced(2.0)) == pytest.approx(2 * float(drag.son2018(0.2)), rel=1e-14)

@@ -67,7 +67,7 @@ def test_a_run_to_rest_is_the_same_with_and_without(recipe):
 @pytest.mark.parametrize("dtype", ["float64", pytest.param("float32", marks=pytest.mark.slow)])
 def test_many_particles_come_back_in_their_own_order(recipe, monkeypatch, dtype):
     """As from 4,096 particles on, whose runs go through them in the order of space."""
-    monkeypatch.setattr(sorting, "MANY", 2)
+    monkeypatch.setattr(sorting, "SORT_FROM", 2)
     parameters = recipe.parameters(dtype)
     state = mrjax.disperse(recipe, seed=0, dtype=dtype)
 

@@ -1,15 +1,13 @@
 """Compiled programs, kept in the user's cache folder for the next start of a command line."""
 
-import hashlib
-import importlib.metadata
-import platform
 import tempfile
 import warnings
 from pathlib import Path
 
 import jax
-import numpy as np
 import platformdirs
+
+from mrjax.io.machine import machine
 
 MOST_BYTES = 2**28
 """Size of a folder at which what was not used for longest makes room: some fifty commands."""
@@ -39,13 +37,6 @@ def keep() -> None:
         return
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_compilation_cache_max_size", MOST_BYTES)
-
-
-def machine() -> str:
-    """A name for what compiled programs hang on: another processor may crash on them."""
-    features = np.show_config(mode="dicts")["SIMD Extensions"]
-    digest = hashlib.sha256(repr(features).encode()).hexdigest()[:12]
-    return f"jaxlib-{importlib.metadata.version('jaxlib')}-{platform.machine()}-{digest}"
 
 
 def _mend(folder: Path) -> None:

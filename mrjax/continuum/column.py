@@ -29,7 +29,7 @@ from mrjax.continuum.compression import Compression
 from mrjax.core import checks
 from mrjax.core.errors import InputError, shown
 from mrjax.core.parameters import Parameters
-from mrjax.core.tracing import concrete, known, where_known
+from mrjax.core.tracing import drop_tracers, evaluated_or_none, value_or_none
 from mrjax.laws import particle
 from mrjax.laws.closed_forms import terminal_velocity
 from mrjax.laws.hindrance import Hindrance, as_tree
@@ -68,10 +68,11 @@ class Column:
     bed_front: Array
     """Height of the top of the bed, or of the bottom of one under the lid; (T,) in m.
 
-    By its solid, too: the excess over the fraction that meets the bed (`kynch.above_bed`). Less
-    than a cell of suspension over it is none, and the front is the mudline; from there to two cells
-    it is led over linearly. Exact under a uniform suspension; where a fan of concentrations hangs
-    on the bed it lags by a cell or two. A compressible bed begins at its gel fraction.
+    By its solid, too: the excess over the fraction that meets the bed
+    (`kynch.bed_contact_fraction`). Less than a cell of suspension over it is none, and the front is
+    the mudline; from there to two cells it is led over linearly. Exact under a uniform suspension;
+    where a fan of concentrations hangs on the bed it lags by a cell or two. A compressible bed
+    begins at its gel fraction.
     """
     sedimentation_ratio: Array
     """What the suspension and its bed still fill of the initial height; 1, (T,)."""
@@ -112,7 +113,7 @@ class _Case(NamedTuple):
                 f"times = {shown(times)}: give one row of numbers in s, shape (T,)"
             ) from None
         if not isinstance(times, Array):
-            times = jnp.asarray(times) if concrete(times) is None else np.asarray(times, float)
+            times = jnp.asarray(times) if value_or_none(times) is None else np.asarray(times, float)
         return self._replace(times=times, hindrance=as_tree(self.hindrance))
 
     def sinking(self) -> tuple["_Case", Array]:
@@ -232,7 +233,7 @@ def _settled(case: _Case, *, cells: int, steps: int) -> Column:
     if case.compression is not None:
         full = jnp.minimum(full, case.compression.gel_fraction)
     mudline = _mudline(profiles, jnp.minimum(initial, full), densest)
-    bed_front = _bed_front(profiles, mudline, kynch.above_bed(flux, full), full)
+    bed_front = _bed_front(profiles, mudline, kynch.bed_contact_fraction(flux, full), full)
     # A factor, not a choice: the derivative of what must not be used is NaN too.
     possible = _possible(case, flux) & (courant <= REACH * (1.0 + 1e-5))
     sound = jnp.where(possible, 1.0, jnp.nan).astype(initial.dtype)
@@ -278,7 +279,7 @@ def _profiles(case: _Case, flux: kynch.Table, cells: int, steps: int) -> Array:
     missing = -shares.size % chunk
     shares = jnp.pad(shares, (0, missing)).reshape(-1, chunk)
     slots = jnp.pad(slots, (0, missing), constant_values=count).reshape(-1, chunk)
-    godunov = kynch.godunov(kynch.no_steeper(flux, jnp.full_like(case.height, REACH)))
+    godunov = kynch.godunov(kynch.slope_limited(flux, jnp.full_like(case.height, REACH)))
     stress, weight = case.compression, _net_weight(case.parameters) * case.height / cells
 
     def sharp(fraction: Array, share: Array) -> Array:
@@ -293,7 +294,7 @@ def _profiles(case: _Case, flux: kynch.Table, cells: int, steps: int) -> Array:
         In a compressible bed at rest fluxes balance for thousands of steps, through which the
         derivative of anything sharper grows without bound.
         """
-        return share * kynch.between(godunov, fraction[:-1], fraction[1:])
+        return share * kynch.godunov_flux(godunov, fraction[:-1], fraction[1:])
 
     falling = sharp if stress is None else robust
 
@@ -335,7 +336,7 @@ def _between_faces(godunov: kynch.Godunov, fraction: Array, densest: Array) -> A
     below, above = rises[:-1], rises[1:]
     smaller = jnp.where(jnp.abs(below) < jnp.abs(above), below, above)
     half = jnp.where(below * above > 0.0, 0.5 * smaller, 0.0)
-    return kynch.between(godunov, (fraction + half)[:-1], (fraction - half)[1:])
+    return kynch.godunov_flux(godunov, (fraction + half)[:-1], (fraction - half)[1:])
 
 
 def _merged(times: Array, steps: int) -> tuple[Array, Array]:
@@ -412,7 +413,7 @@ def _fewest_steps(case: _Case, cells: int) -> float | None:
     Raises:
       InputError: particles that do not settle at every volume fraction.
     """
-    found = where_known(lambda case: (*_speeds(case), case), known(case))
+    found = evaluated_or_none(lambda case: (*_speeds(case), case), drop_tracers(case))
     if found is None:
         return None
     flux, speed, numbers = found
@@ -502,7 +503,7 @@ def _refuse_times(times: Array | np.ndarray) -> None:
     """
     if times.ndim != 1 or times.size == 0:
         raise InputError(f"times have shape {times.shape}; give one row of them in s, shape (T,)")
-    numbers = concrete(times)
+    numbers = value_or_none(times)
     if numbers is None:
         return
     for number, time in enumerate(numbers):

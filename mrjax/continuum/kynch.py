@@ -81,7 +81,7 @@ def fastest_front(of: Table, state: Array) -> Array:
     return jnp.max(jnp.where(apart, drop / jnp.where(apart, distance, 1.0), 0.0))
 
 
-def above_bed(of: Table, full: Array) -> Array:
+def bed_contact_fraction(of: Table, full: Array) -> Array:
     """Volume fraction that meets the bed: where the hull from phi_0 leaves f for (full, 0); 1, ().
 
     phi_0 itself where the bed grows from a single front.
@@ -92,7 +92,7 @@ def above_bed(of: Table, full: Array) -> Array:
     return fraction[jnp.argmin(speed)]
 
 
-def no_steeper(of: Table, slope: Array) -> Table:
+def slope_limited(of: Table, slope: Array) -> Table:
     """f~, the largest flux below f that has slopes up to `slope`, in the unit of the flux."""
     distance = jnp.abs(of.fraction[:, None] - of.fraction[None, :])
     return Table(of.fraction, jnp.min(of.flux[None, :] + slope * distance, axis=1))
@@ -115,7 +115,7 @@ def godunov(of: Table) -> Godunov:
     return Godunov(of, jnp.stack(least, axis=1))
 
 
-def between(by: Godunov, below: Array, above: Array) -> Array:
+def godunov_flux(by: Godunov, below: Array, above: Array) -> Array:
     """G between a volume fraction and the one above it, downwards; in the flux's unit.
 
     Args:

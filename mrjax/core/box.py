@@ -11,7 +11,7 @@ import numpy as np
 from jax import Array
 
 from mrjax.core.errors import InputError, shown
-from mrjax.core.promotion import permissive
+from mrjax.core.promotion import relaxed_promotion
 
 AXES = ("x", "y", "z")
 SMALLEST, LARGEST = 1e-30, 1e30
@@ -93,11 +93,11 @@ class Box:
             plain = first - second
             if not any(self.periodic):
                 return plain
-            with permissive():
+            with relaxed_promotion():
                 return on_periodic_axes(space.periodic_displacement(_side(plain), plain), plain)
 
         def shift(position: Array, change: Array, **_: object) -> Array:
-            with permissive():
+            with relaxed_promotion():
                 wrapped = space.periodic_shift(_side(position), position, change)
             return on_periodic_axes(wrapped, position + change)
 

@@ -13,7 +13,7 @@ from mrjax.core.box import AXES, LARGEST, SMALLEST, Box
 from mrjax.core.errors import InputError, shown
 from mrjax.core.parameters import Parameters
 from mrjax.core.state import State
-from mrjax.core.tracing import concrete
+from mrjax.core.tracing import value_or_none
 
 MOST = 2**31 - 1
 """Of what is counted."""
@@ -75,7 +75,7 @@ def numeric(value: Any) -> np.ndarray | None:
       ValueError: it is none.
     """
     try:
-        known = concrete(value)
+        known = value_or_none(value)
     except (TypeError, OverflowError) as error:  # such as an integer of hundreds of digits
         raise ValueError(error) from None
     if known is not None and known.dtype.kind not in "fiu":
@@ -140,7 +140,7 @@ def meaningful(parameters: Parameters, particles: int, material: Array | None) -
     Raises:
       InputError: the first leaf of a shape that does not fit, or out of its range.
     """
-    index = None if material is None else concrete(material)
+    index = None if material is None else value_or_none(material)
     if material is not None and material.shape != (particles,):
         raise InputError(f"materials have shape {material.shape}; give one for each particle")
     materials = 1 if material is None else None if index is None else int(index.max()) + 1
@@ -238,7 +238,7 @@ def _table(leaf: ArrayLike, name: str, materials: int | None, one: bool) -> None
             f"{name} has shape {shape}; give one number, or a table with a row and a column for "
             f"each material and a last one for the walls{wanted}"
         )
-    values = concrete(leaf)
+    values = value_or_none(leaf)
     if values is None:
         return
     for i, j in np.argwhere(values != values.T):
@@ -255,7 +255,7 @@ def in_reach(state: State) -> None:
       InputError: the first particle that has one, in m, m/s or rad/s.
     """
     for name in ("position", "velocity", "spin"):
-        values = concrete(getattr(state, name))
+        values = value_or_none(getattr(state, name))
         if values is None:
             continue
         beyond = np.isfinite(values) & (np.abs(values) > LARGEST)

@@ -1,11 +1,8 @@
 """The three ways mrjax says no: wrong input, a result not to be trusted, the system refuses."""
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 from mrjax.core import text
-
-if TYPE_CHECKING:
-    from mrjax.core.state import State
 
 LONGEST = 60
 """Characters of a value that a message shows."""
@@ -24,8 +21,8 @@ class InputError(ValueError):
 class SimulationError(RuntimeError):
     """A run ended with a result that must not be used; the message says why and what to change."""
 
-    state: "State | None" = None
-    """The last good state, from which a run can go on with the remedy, where one is known."""
+    state: Any = None
+    """The last good `mrjax.State`, from which a run can go on with the remedy; None if unknown."""
     time: float | None = None
     """Of that state, s from the start of the run."""
     faults: int = 0

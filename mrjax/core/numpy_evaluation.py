@@ -13,7 +13,7 @@ from jax.extend.core import ClosedJaxpr, Jaxpr, JaxprEqn, Literal
 from jax.typing import ArrayLike
 
 
-def by_numpy(law: Callable, *arguments: Any) -> Any:
+def evaluate_with_numpy(law: Callable, *arguments: Any) -> Any:
     """What a law gives for these arguments, as numpy arrays.
 
     Args:

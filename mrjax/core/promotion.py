@@ -7,7 +7,7 @@ import jax
 
 
 @contextmanager
-def permissive() -> Iterator[None]:
+def relaxed_promotion() -> Iterator[None]:
     """JAX's default promotion of dtypes and ranks, for calls into jax-md and optax."""
     with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
         yield

@@ -11,7 +11,7 @@ from jax.typing import ArrayLike
 from mrjax.core.box import Box
 from mrjax.core.errors import SimulationError
 from mrjax.core.state import State
-from mrjax.core.tracing import concrete
+from mrjax.core.tracing import value_or_none
 from mrjax.core.trajectory import Trajectory
 
 
@@ -116,7 +116,7 @@ class Run:
         Raises:
           SimulationError: the run is not to be trusted; the message says why and what to change.
         """
-        found = concrete(self.fault)
+        found = value_or_none(self.fault)
         if found is None or not found.any():
             return
         faults = Fault(int(found.flat[found.argmax()]))

@@ -11,7 +11,31 @@ from jax.typing import ArrayLike, DTypeLike
 
 from mrjax.core.box import LARGEST, SMALLEST
 from mrjax.core.errors import InputError, shown
-from mrjax.dem.contact_history import Contacts
+
+NOBODY = -1
+WALLS = (-2, -3, -4, -5, -6, -7)
+"""Ids of an empty slot, and of the walls at the lower and upper end of x, y and z."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class ContactHistory:
+    """The memory of every contact of a state, each held by both particles; S slots for each.
+
+    `sliding` and `rolling` are None where no law reads them.
+    """
+
+    partner: Array
+    """Ids: of a particle, -1 in an empty slot, -2 to -7 for the walls at the lower and
+    upper end of x, y and z; (N, S)."""
+    sliding: Array | None
+    """Displacement of the particle's surface along its partner's, (N, S, 3) in m."""
+    rolling: Array | None
+    """Angle rolled on the partner, (N, S, 3) in rad."""
+
+
+Contacts = ContactHistory
+"""Its name of before."""
 
 
 @jax.tree_util.register_dataclass
@@ -25,7 +49,7 @@ class State:
     """(N, 3) in m/s."""
     spin: Array
     """Angular velocity, (N, 3) in rad/s."""
-    contacts: Contacts | None = None
+    contacts: ContactHistory | None = None
     """What the contacts remember; None where nothing has touched yet, or without friction."""
     material: Array | None = None
     """Index into the tables of `Parameters`, (N,); None where all are of one material."""
@@ -37,6 +61,30 @@ class State:
     def particles(self) -> int:
         """N."""
         return self.position.shape[0]
+
+
+def allocate_history(
+    particles: int, slots: int, dtype: DTypeLike, *, sliding: bool, rolling: bool
+) -> ContactHistory | None:
+    """Contacts with room for what a run will remember; None where it remembers nothing."""
+    if not sliding and not rolling:
+        return None
+    nothing = jnp.zeros((particles, slots, 3), dtype)
+    nobody = jnp.full((particles, slots), NOBODY, jnp.int32)
+    return ContactHistory(nobody, nothing if sliding else None, nothing if rolling else None)
+
+
+def widened(contacts: ContactHistory | None, slots: int) -> ContactHistory | None:
+    """The same with room for `slots` contacts of each particle."""
+    if contacts is None:
+        return None
+    spare = ((0, 0), (0, slots - contacts.partner.shape[1]))
+
+    def wide(rows: Array | None) -> Array | None:
+        return None if rows is None else jnp.pad(rows, (*spare, (0, 0)))
+
+    partner = jnp.pad(contacts.partner, spare, constant_values=NOBODY)
+    return ContactHistory(partner, wide(contacts.sliding), wide(contacts.rolling))
 
 
 def place(

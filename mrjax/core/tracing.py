@@ -15,7 +15,7 @@ TRACED = (errors.TracerArrayConversionError, errors.ConcretizationTypeError)
 """What JAX raises where a number is wanted of a traced value."""
 
 
-def concrete(value: ArrayLike) -> np.ndarray | None:
+def value_or_none(value: ArrayLike) -> np.ndarray | None:
     """The value as a numpy array, also under `grad` and `jvp`; None under `jit` or `vmap` over it.
 
     Dropping the derivative uncovers the value that a differentiated call carries.
@@ -26,7 +26,7 @@ def concrete(value: ArrayLike) -> np.ndarray | None:
         return None
 
 
-def plain(tree: Any) -> bool:
+def is_concrete(tree: Any) -> bool:
     """Whether all values are known, and what is computed with them is known at once."""
     leaves = jax.tree.leaves(tree)
     traced = any(isinstance(leaf, jax.core.Tracer) for leaf in leaves)
@@ -34,23 +34,23 @@ def plain(tree: Any) -> bool:
     return not traced and not isinstance(jnp.zeros(()) + 0.0, jax.core.Tracer)
 
 
-def known(tree: Tree) -> Tree:
+def drop_tracers(tree: Tree) -> Tree:
     """The same tree of numbers, without what differentiates them; traced ones stay as they are."""
 
     def number(leaf: ArrayLike) -> ArrayLike:
-        value = concrete(leaf)
+        value = value_or_none(leaf)
         return leaf if value is None else jnp.asarray(value, float)
 
     with jax.ensure_compile_time_eval():
         return jax.tree.map(number, tree)
 
 
-def where_known(law: Callable, *arguments: Any) -> Any:
+def evaluated_or_none(law: Callable, *arguments: Any) -> Any:
     """What a law gives as numpy arrays; None where it hangs on a value that is traced.
 
     Args:
       law: of JAX or numpy.
-      arguments: as `known` gives them. Those that the law does not read may be traced.
+      arguments: as `drop_tracers` gives them. Those that the law does not read may be traced.
     """
     try:
         with jax.ensure_compile_time_eval():

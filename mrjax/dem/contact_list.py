@@ -10,11 +10,11 @@ from mrjax.core import checks
 from mrjax.core.box import Box
 from mrjax.core.parameters import Parameters
 from mrjax.core.state import State
-from mrjax.core.tracing import concrete, known, where_known
+from mrjax.core.tracing import drop_tracers, evaluated_or_none, value_or_none
 from mrjax.core.units import Units
 from mrjax.dem import contact_history, neighbours, pairs, schedule
 from mrjax.dem.forces import contact
-from mrjax.dem.forces.contact import Loads
+from mrjax.dem.forces.contact import ContactForces
 from mrjax.dem.pairs import Pairs
 from mrjax.laws import effective, normal, particle
 
@@ -63,7 +63,7 @@ def coordination_number(state: State, parameters: Parameters, box: Box) -> Array
     return jnp.where(listed.overflow == 0, listed.summed(count, count), -1)
 
 
-class Touching(NamedTuple):
+class ContactList(NamedTuple):
     """The C contacts of one moment, those with walls among them."""
 
     first: np.ndarray
@@ -76,7 +76,11 @@ class Touching(NamedTuple):
     """Normal force, dissipation included; (C,) in N."""
 
 
-def normal_forces(state: State, parameters: Parameters, box: Box) -> Touching:
+Touching = ContactList
+"""Its name of before."""
+
+
+def normal_forces(state: State, parameters: Parameters, box: Box) -> ContactList:
     """Every contact and its normal force. Not for traced calls.
 
     Args:
@@ -95,7 +99,7 @@ def normal_forces(state: State, parameters: Parameters, box: Box) -> Touching:
     of_second = np.concatenate([velocity, walls])[np.asarray(listed.second)]
     distance = np.sqrt((separation**2).sum(axis=1))
     towards = (separation * (velocity[np.asarray(listed.first)] - of_second)).sum(axis=1)
-    constants = effective.of(reduced, state.material, listed)
+    constants = effective.per_pair(reduced, state.material, listed)
     force = normal.normal_force(
         found.deepest,
         jnp.asarray(-towards / np.where(distance > 0.0, distance, 1.0)),
@@ -105,7 +109,7 @@ def normal_forces(state: State, parameters: Parameters, box: Box) -> Touching:
         constants.dissipation,
         constants.damping,
     )
-    return Touching(
+    return ContactList(
         np.asarray(listed.first)[touching],
         np.asarray(listed.second)[touching],
         -units.length * separation[touching],
@@ -113,11 +117,11 @@ def normal_forces(state: State, parameters: Parameters, box: Box) -> Touching:
     )
 
 
-def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, Loads, Units]:
+def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, ContactForces, Units]:
     """The contacts of a moment and what they exert, in reduced units."""
     checks.of_run(state, parameters, box)
     checks.meaningful(parameters, state.particles, state.material)
-    radius = where_known(particle.outer_radius, known(parameters))
+    radius = evaluated_or_none(particle.outer_radius, drop_tracers(parameters))
     diameter = schedule.contact_diameter(state, radius, slack=0.0)
     checks.between_walls(box, diameter)
     length = diameter / 2
@@ -132,11 +136,11 @@ def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, Load
     while True:
         around = neighbours.build(plan, scaled, position)
         listed = pairs.listed(around, scaled, position.T, of_each, skin, plan.pairs)
-        overflow = concrete(listed.overflow)
+        overflow = value_or_none(listed.overflow)
         if overflow is None or not overflow:
             break
         plan = plan.grown(int(overflow), state.particles)
-    notes = contact_history.recalled(
+    notes = contact_history.from_state(
         state.contacts,
         state.position,
         slots=plan.capacity + 2 * len(box.walled_axes),
@@ -149,7 +153,7 @@ def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, Load
         jnp.zeros_like(position.T),
         state.velocity.T / units.velocity,
         state.spin.T * units.time,
-        contact_history.begun(notes, listed),
+        contact_history.pairs_from_particles(notes, listed),
         jnp.zeros_like(position, shape=plan.pairs),
         jnp.ones_like(position, shape=2),
     )

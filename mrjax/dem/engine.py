@@ -18,19 +18,19 @@ from mrjax.core.run import Fault
 from mrjax.core.trajectory import Trajectory
 from mrjax.core.units import Units
 from mrjax.dem import contact_history, integrator, neighbours, pairs, stability
-from mrjax.dem.contact_history import Memory, Notes
+from mrjax.dem.contact_history import PairHistory, ParticleHistory
 from mrjax.dem.forces import contact
 from mrjax.dem.forces.contact import Laws
 from mrjax.dem.integrator import Kick
 from mrjax.dem.neighbours import Plan
 from mrjax.dem.pairs import Pairs
-from mrjax.dem.stability import Swing
+from mrjax.dem.stability import ModeEstimate
 from mrjax.laws import effective, particle
-from mrjax.laws.hindrance import Hindrance, hindered
+from mrjax.laws.hindrance import Hindrance, hindered_parameters
 
-DEEPEST = 0.25
+MAX_OVERLAP = 0.25
 """Overlap, as a fraction of the radius, beyond which Hertz's law is not a description."""
-HURRY = 2.0
+SPEED_MARGIN = 2.0
 """By how much a particle may be faster in the next interval than the fastest is now. One that
 becomes faster still outruns the list, which a run does not pass over."""
 
@@ -43,9 +43,9 @@ class Motion(NamedTuple):
     travelled: Array  # since then, (3, N)
     velocity: Array  # (3, N)
     spin: Array  # (3, N)
-    memory: Memory
+    memory: PairHistory
     overlap: Array  # deepest of each particle so far, (N,)
-    swing: Swing
+    swing: ModeEstimate
     fault: Array  # ()
 
     @property
@@ -75,7 +75,7 @@ class Observed(NamedTuple):
 class Outcome(NamedTuple):
     """What a whole motion comes to."""
 
-    notes: Notes
+    notes: ParticleHistory
     overlap: Array  # deepest, radii, ()
     coating: Array  # deepest, thicknesses of the coating, ()
     fault: Array  # ()
@@ -115,13 +115,15 @@ class Engine:
         self.box, self.plan, self.steps = box, plan, steps
         self.laws, self.trajectory = laws, trajectory
         self.law = contact.of_contacts(parameters, laws=laws, material=material)
-        self.pull = contact.pull(parameters, particles)
+        self.pull = contact.net_weight(parameters, particles)
         self.radius = per_particle(particle.outer_radius(parameters), particles)
         self.skin_left = plan.cutoff - 2.0 * jnp.max(self.radius)
         # Without hindrance they do not depend on where the particles are.
         self.everywhere = self._pushes() if hindrance is None else None
 
-    def begun(self, position: Array, velocity: Array, spin: Array, notes: Notes) -> Motion:
+    def begun(
+        self, position: Array, velocity: Array, spin: Array, notes: ParticleHistory
+    ) -> Motion:
         """A motion from where the particles are; (3, N) each, and what their contacts remember."""
         listed, origin, travelled = self._list_at(position)
         return Motion(
@@ -130,7 +132,7 @@ class Engine:
             travelled,
             velocity,
             spin,
-            contact_history.begun(notes, listed),
+            contact_history.pairs_from_particles(notes, listed),
             jnp.zeros(self.particles, self.dtype),
             stability.unknown(self.particles, self.dtype),
             listed.overflow,
@@ -175,11 +177,11 @@ class Engine:
         travelled = integrator.drifted(half_way, velocity, -0.5)
         outran = (2.0 * jnp.sqrt(jnp.max(farthest)) > self.skin_left) & (self.particles > 1)
         fault = motion.fault | jnp.where(outran, int(Fault.OUTRAN_LIST), 0)
-        constants = effective.of(self.parameters, self.material, listed)
+        constants = effective.per_pair(self.parameters, self.material, listed)
         kicks = self._kicks(origin + travelled)
         bed = (motion.swing, listed, constants, deepest, self.radius, *kicks)
         swing = stability.swing(*lax.stop_gradient(bed), sliding=self.laws.sliding)
-        fault |= jnp.where(swing.rate > stability.MOST, int(Fault.UNSTABLE), 0)
+        fault |= jnp.where(swing.rate > stability.STABILITY_LIMIT, int(Fault.UNSTABLE), 0)
         deepest = jnp.maximum(motion.overlap, listed.deepest(deepest))
         return Motion(listed, origin, travelled, velocity, spin, memory, deepest, swing, fault)
 
@@ -200,7 +202,12 @@ class Engine:
         """What it comes to, with every fault that shows by now."""
         overlap, coating = self._depths(motion)
         fault = self._faults(motion, overlap, coating)
-        return Outcome(contact_history.noted(motion.memory, motion.listed), overlap, coating, fault)
+        return Outcome(
+            contact_history.particles_from_pairs(motion.memory, motion.listed),
+            overlap,
+            coating,
+            fault,
+        )
 
     def _depths(self, motion: Motion) -> tuple[Array, Array]:
         """Deepest overlap, in radii and in thicknesses of the coating, () each."""
@@ -216,7 +223,9 @@ class Engine:
     def _kicks(self, position: Array | None = None) -> tuple[Kick, Kick]:
         felt = self.parameters
         if self.hindrance is not None and position is not None:
-            felt = hindered(self.parameters, self.hindrance, self.box, position, spacing=2.0)
+            felt = hindered_parameters(
+                self.parameters, self.hindrance, self.box, position, spacing=2.0
+            )
         return integrator.kick(felt, 1.0), integrator.spin_kick(felt, 1.0)
 
     def _pushes(self, position: Array | None = None) -> tuple[Array, Array, Array, Array]:
@@ -244,7 +253,7 @@ class Engine:
             jnp.sqrt(jnp.max(sum(lax.stop_gradient(of) ** 2)))
             for of in (motion.travelled, motion.velocity)
         )
-        return (2.0 * (gone + HURRY * self.steps * speed) > self.skin_left) & (gone > 0.0)
+        return (2.0 * (gone + SPEED_MARGIN * self.steps * speed) > self.skin_left) & (gone > 0.0)
 
     def _listed_anew(self, motion: Motion) -> Motion:
         listed, origin, travelled = self._list_at(motion.position)
@@ -252,8 +261,8 @@ class Engine:
             listed=listed,
             origin=origin,
             travelled=travelled,
-            memory=contact_history.begun(
-                contact_history.noted(motion.memory, motion.listed), listed
+            memory=contact_history.pairs_from_particles(
+                contact_history.particles_from_pairs(motion.memory, motion.listed), listed
             ),
             fault=motion.fault | listed.overflow,
         )
@@ -268,7 +277,7 @@ def _faults_of_motion(box: Box, end: Motion, deepest: Array, coating: Array) -> 
     moved = (end.position, end.velocity, end.spin)
     finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(part)) for part in moved]))
     found = (
-        (deepest > DEEPEST, Fault.TOO_DEEP),
+        (deepest > MAX_OVERLAP, Fault.TOO_DEEP),
         (escaped, Fault.ESCAPED),
         (coating > 1.0, Fault.THROUGH_COATING),
         (~finite, Fault.NOT_FINITE),

@@ -17,10 +17,7 @@ from jax import Array
 
 from mrjax.core.parameters import Parameters
 from mrjax.laws import drag, particle
-
-SERIES_BELOW = 0.1
-SERIES_ORDER = 11  # exact to rounding below the switch, three derivatives included
-
+from mrjax.laws.closed_forms import phi_1
 
 Noted = TypeVar("Noted")
 
@@ -45,23 +42,12 @@ def spin_kick(parameters: Parameters, time_step: float) -> Kick:
 
 def _kick(resistance: Array, inertia: Array, time_step: float) -> Kick:
     decay = resistance / inertia * time_step
-    return Kick(jnp.exp(-decay), mean_decay(decay) * time_step / inertia)
+    return Kick(jnp.exp(-decay), phi_1(decay) * time_step / inertia)
 
 
 def kicked(velocity: Array, keep: Array, added: Array) -> Array:
     """Velocities after a step, or spins; (3, N). What is kept of them is () or (N,)."""
     return jnp.atleast_2d(keep) * velocity + added
-
-
-def mean_decay(exponent: Array) -> Array:
-    """(1 - e^-a) / a, the mean of e^-s for s from 0 to a >= 0; 1 at a = 0. Elementwise."""
-    small = exponent < SERIES_BELOW
-    a = jnp.where(small, exponent, 0.0)
-    series = jnp.ones_like(a)
-    for order in range(SERIES_ORDER, 1, -1):
-        series = 1.0 - a / order * series
-    large = jnp.where(small, 1.0, exponent)
-    return jnp.where(small, series, -jnp.expm1(-large) / large)
 
 
 def drifted(position: Array, velocity: Array, time: float) -> Array:

@@ -23,7 +23,7 @@ from jax import Array, lax
 
 from mrjax.core._jax_md import partition
 from mrjax.core.box import Box
-from mrjax.core.promotion import permissive
+from mrjax.core.promotion import relaxed_promotion
 
 PAIRS_DROPPED = int(partition.PartitionErrorCode.NEIGHBOR_LIST_OVERFLOW)
 CELLS_OVERFULL = int(partition.PartitionErrorCode.CELL_LIST_OVERFLOW)
@@ -114,7 +114,7 @@ def build(plan: Plan, box: Box, position: Array) -> Neighbours:
             (none.astype(position.dtype),) * 3,
             jnp.zeros((), jnp.int32),
         )
-    with permissive():
+    with relaxed_promotion():
         found = _search(plan, box, displacement, lax.stop_gradient(box.wrap(position)))
     partner = found.idx.T
     present = partner < particles

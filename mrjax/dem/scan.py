@@ -18,7 +18,7 @@ from mrjax.core.run import Fault, Run
 from mrjax.core.state import State
 from mrjax.core.units import Units
 from mrjax.dem import contact_history, sorting
-from mrjax.dem.contact_history import Notes
+from mrjax.dem.contact_history import ParticleHistory
 from mrjax.dem.engine import Engine, Motion, Observed, Outcome
 from mrjax.dem.forces.contact import Laws
 from mrjax.dem.neighbours import Plan
@@ -26,12 +26,12 @@ from mrjax.dem.schedule import Schedule
 from mrjax.laws import particle
 from mrjax.laws.hindrance import Hindrance
 
-ROOM = 2e8
+REVERSE_MODE_BYTES = 2e8
 """Bytes that reverse mode may keep before it computes frames a second time."""
 
 
 @dataclass(frozen=True)
-class Setup:
+class RunPlan:
     """What is decided before a run and fixes its compiled program."""
 
     duration: float  # s
@@ -53,7 +53,7 @@ class Setup:
         length = self.unit_length
         return Units(mass=1000.0 * length**3, length=length, time=self.time_step)
 
-    def mended(self, fault: int, particles: int) -> "Setup | None":
+    def mended(self, fault: int, particles: int) -> "RunPlan | None":
         """With more room, where a run failed for want of it; None for other faults."""
         if overflow := fault & (Fault.PAIRS_DROPPED | Fault.CELLS_OVERFULL):
             return replace(self, plan=self.plan.grown(overflow, particles))
@@ -62,27 +62,30 @@ class Setup:
         return None
 
 
-def attempt(
-    state: State, parameters: Parameters, hindrance: Hindrance | None, box: Box, setup: Setup
+def run_once(
+    state: State, parameters: Parameters, hindrance: Hindrance | None, box: Box, setup: RunPlan
 ) -> Run:
     """One run with all decided, whose faults may be mended; of many particles in order of space."""
-    if state.particles < sorting.MANY:
+    if state.particles < sorting.SORT_FROM:
         return _in_reduced_units(state, parameters, hindrance, box, setup)
-    places = sorting.in_space(state.position, box, setup.plan.cell * setup.unit_length)
-    state, parameters = sorting.arranged(state, places), sorting.of_each(parameters, places)
+    places = sorting.spatial_order(state.position, box, setup.plan.cell * setup.unit_length)
+    state, parameters = (
+        sorting.permute_state(state, places),
+        sorting.permute_parameters(parameters, places),
+    )
     run = _in_reduced_units(state, parameters, hindrance, box, setup)
     back = jnp.argsort(places)
     return replace(
         run,
         heights=run.heights[:, back],
         radius=run.radius[back],
-        state=sorting.arranged(run.state, back),
+        state=sorting.permute_state(run.state, back),
         trajectory=jax.tree.map(lambda rows: rows[:, back], run.trajectory),
     )
 
 
 def _in_reduced_units(
-    state: State, parameters: Parameters, hindrance: Hindrance | None, box: Box, setup: Setup
+    state: State, parameters: Parameters, hindrance: Hindrance | None, box: Box, setup: RunPlan
 ) -> Run:
     """SI to reduced units, scan, and back."""
     begin = reduced(state, parameters, box, setup)
@@ -104,11 +107,11 @@ def _in_reduced_units(
 
 
 def reduced(
-    state: State, parameters: Parameters, box: Box, setup: Setup
-) -> tuple[Array, Array, Array, Notes, Parameters]:
+    state: State, parameters: Parameters, box: Box, setup: RunPlan
+) -> tuple[Array, Array, Array, ParticleHistory, Parameters]:
     """Positions, velocities and spins, (3, N) each, memories and parameters in reduced units."""
     units = setup.units
-    notes = contact_history.recalled(
+    notes = contact_history.from_state(
         state.contacts,
         state.position,
         slots=setup.plan.capacity + 2 * len(box.walled_axes),
@@ -132,7 +135,7 @@ def in_lab_units(
     observed: Observed,
     outcome: Outcome,
     box: Box,
-    setup: Setup,
+    setup: RunPlan,
     sound: Array,
 ) -> Run:
     """The run, in SI.
@@ -153,7 +156,7 @@ def in_lab_units(
         position=sound * units.length * end.position.T,
         velocity=sound * units.velocity * end.velocity.T,
         spin=sound / units.time * end.spin.T,
-        contacts=contact_history.recorded(outcome.notes, sound, units.length),
+        contacts=contact_history.to_state(outcome.notes, sound, units.length),
     )
     radius = particle.outer_radius(parameters)
     times = np.linspace(0.0, setup.duration, setup.cuts.frames + 1)
@@ -180,7 +183,7 @@ def _scan(
     position: Array,
     velocity: Array,
     spin: Array,
-    notes: Notes,
+    notes: ParticleHistory,
     parameters: Parameters,
     material: Array | None,
     hindrance: Hindrance | None,
@@ -218,7 +221,7 @@ def _scan(
     kept = cuts.frames * cuts.intervals * sum(leaf.nbytes for leaf in jax.tree.leaves(start))
     at_start = engine.observed(start)
     end, after = lax.scan(
-        frame if kept < ROOM else jax.checkpoint(frame, prevent_cse=False),
+        frame if kept < REVERSE_MODE_BYTES else jax.checkpoint(frame, prevent_cse=False),
         start,
         length=cuts.frames,
     )

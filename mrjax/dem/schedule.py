@@ -13,7 +13,7 @@ from mrjax.core.box import Box
 from mrjax.core.errors import InputError
 from mrjax.core.parameters import Parameters
 from mrjax.core.state import State
-from mrjax.core.tracing import where_known
+from mrjax.core.tracing import evaluated_or_none
 from mrjax.dem import neighbours
 from mrjax.dem.neighbours import Plan
 from mrjax.laws import particle, time_scales
@@ -137,7 +137,7 @@ def fastest(
     The greatest initial speed plus what their net weight adds until drag, the duration or a wall
     ends it.
     """
-    found = where_known(_pull_and_relaxation, numbers)
+    found = evaluated_or_none(_pull_and_relaxation, numbers)
     if velocity is None or found is None:
         return None
     pull, relaxation = found
@@ -173,14 +173,14 @@ def largest_stable_step(
     They carry a column of particles as high as the box, or meet at twice the greatest speed. The
     column presses on the floor or, of particles lighter than the fluid, on the lid.
     """
-    weight = where_known(particle.net_weight, numbers)
+    weight = evaluated_or_none(particle.net_weight, numbers)
     if speed is None or weight is None:
         return None
     load = np.max(np.abs(weight) * max(1.0, box.height / diameter))
-    overlap = where_known(time_scales.expected_overlap, numbers, load, 2.0 * speed)
+    overlap = evaluated_or_none(time_scales.expected_overlap, numbers, load, 2.0 * speed)
 
     def limit(overlap: float) -> float | None:
-        step = where_known(time_scales.largest_stable_step, numbers, overlap, arrangement)
+        step = evaluated_or_none(time_scales.largest_stable_step, numbers, overlap, arrangement)
         return None if step is None else float(step)
 
     step = None if overlap is None else limit(float(overlap))

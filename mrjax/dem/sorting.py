@@ -11,14 +11,13 @@ from jax import Array, lax
 
 from mrjax.core.box import Box
 from mrjax.core.parameters import Parameters
-from mrjax.core.state import State
-from mrjax.dem.contact_history import Contacts
+from mrjax.core.state import ContactHistory, State
 
-MANY = 4096
+SORT_FROM = 4096
 """Fewer particles fit into the fastest memory in any order."""
 
 
-def in_space(position: Array, box: Box, edge: float) -> Array:
+def spatial_order(position: Array, box: Box, edge: float) -> Array:
     """Who stands at each place of a row through all cells, up through them, then y, then x; (N,).
 
     Args:
@@ -36,19 +35,19 @@ def in_space(position: Array, box: Box, edge: float) -> Array:
 
 
 @jax.jit
-def arranged(state: State, order: Array) -> State:
+def permute_state(state: State, order: Array) -> State:
     """The same particles, at each place the one that `order` names; (N,)."""
     moved = {name: getattr(state, name)[order] for name in ("position", "velocity", "spin")}
     if state.material is not None:
         moved["material"] = state.material[order]
     if state.contacts is not None:
         place = jnp.argsort(order).astype(state.contacts.partner.dtype)
-        rows: Contacts = jax.tree.map(lambda leaf: leaf[order], state.contacts)
+        rows: ContactHistory = jax.tree.map(lambda leaf: leaf[order], state.contacts)
         partner = jnp.where(rows.partner < 0, rows.partner, place[rows.partner])
         moved["contacts"] = replace(rows, partner=partner)
     return replace(state, **moved)
 
 
-def of_each(parameters: Parameters, order: Array) -> Parameters:
+def permute_parameters(parameters: Parameters, order: Array) -> Parameters:
     """Parameters whose leaves (N,) are in that order."""
     return jax.tree.map(lambda leaf: leaf[order] if jnp.ndim(leaf) == 1 else leaf, parameters)

@@ -12,39 +12,39 @@ from mrjax.dem.integrator import Kick
 from mrjax.dem.pairs import Pairs
 from mrjax.kernel.operation import pairwise
 from mrjax.laws import normal, tangential
-from mrjax.laws.effective import Surfaces
+from mrjax.laws.effective import PairProperties
 from mrjax.laws.vectors import cross, dot, plus, times
 
 ITERATIONS = 8
-MOST = 0.95
+STABILITY_LIMIT = 0.95
 """Rate beyond which a bed is not trusted: the iteration finds the last per cents late."""
 
 
-class Swing(NamedTuple):
+class ModeEstimate(NamedTuple):
     """The fastest mode that has been found so far, and how near it is to instability."""
 
     mode: Array  # displacements and turns of all particles, (6, N)
     rate: Array  # 1 at the limit of stability, ()
 
 
-def unknown(particles: int, dtype) -> Swing:
+def unknown(particles: int, dtype) -> ModeEstimate:
     """Before a first bed has been seen: neighbours move apart, in no order."""
     with randomness.ordered():
         mode = jax.random.normal(randomness.key(0), (6, particles), dtype)
-    return Swing(mode, jnp.zeros((), dtype))
+    return ModeEstimate(mode, jnp.zeros((), dtype))
 
 
 def swing(
-    before: Swing,
+    before: ModeEstimate,
     listed: Pairs,
-    constants: Surfaces,
+    constants: PairProperties,
     overlap: Array,
     radius: Array,
     kick: Kick,
     spin_kick: Kick,
     *,
     sliding: bool,
-) -> Swing:
+) -> ModeEstimate:
     """How near these contacts are to instability at this step, in the unit of time.
 
     A bed with stiffness A and dashpots C is stable at a step dt while the largest eigenvalue of
@@ -91,18 +91,18 @@ def swing(
         )
         return jnp.concatenate([pushed * yielding[None, :], spun * turning[None, :]])
 
-    def iterated(_, found: Swing) -> Swing:
+    def iterated(_, found: ModeEstimate) -> ModeEstimate:
         mode = applied(found.mode)
         size = jnp.sqrt(jnp.sum(mode**2))
         moves = size > 0.0
         mode = jnp.where(moves, mode / jnp.where(moves, size, 1.0), found.mode)
-        return Swing(mode, jnp.where(moves, size, 0.0))
+        return ModeEstimate(mode, jnp.where(moves, size, 0.0))
 
     length = jnp.sqrt(jnp.sum(before.mode**2))
-    found = lax.fori_loop(0, ITERATIONS, iterated, Swing(before.mode / length, before.rate))
+    found = lax.fori_loop(0, ITERATIONS, iterated, ModeEstimate(before.mode / length, before.rate))
     # What has come to rest is forgotten, but not for good: noise wakes modes of contacts to come.
     noise = unknown(len(radius), radius.dtype).mode
-    return Swing(found.mode + 1e-3 * noise / jnp.sqrt(noise.size), 0.5 * found.rate)
+    return ModeEstimate(found.mode + 1e-3 * noise / jnp.sqrt(noise.size), 0.5 * found.rate)
 
 
 def _compliance(kick: Kick) -> Array:
@@ -111,7 +111,7 @@ def _compliance(kick: Kick) -> Array:
 
 
 def _stiffnesses(
-    listed: Pairs, constants: Surfaces, overlap: Array, sliding: bool
+    listed: Pairs, constants: PairProperties, overlap: Array, sliding: bool
 ) -> tuple[Array, Array]:
     """K + 2 c of every contact in the unit of time, normal and tangential; (P,)."""
     touching = (overlap > 0.0) & listed.present

@@ -10,7 +10,7 @@ from mrjax.core.box import Box
 from mrjax.core.errors import InputError
 from mrjax.core.parameters import Parameters, per_particle
 from mrjax.core.state import State
-from mrjax.dem.contact_list import Touching, normal_forces
+from mrjax.dem.contact_list import ContactList, normal_forces
 from mrjax.figures import spheres
 from mrjax.figures.style import COLUMN, STYLE
 from mrjax.laws import particle
@@ -97,7 +97,7 @@ def force_chains(state: State, parameters: Parameters, box: Box) -> Figure:
     return figure
 
 
-def _touching(state: State, parameters: Parameters, box: Box) -> Touching:
+def _touching(state: State, parameters: Parameters, box: Box) -> ContactList:
     found = normal_forces(state, parameters, box)
     if not len(found.force):
         raise InputError("nothing touches in this state: give that of a bed")

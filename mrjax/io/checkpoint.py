@@ -27,11 +27,11 @@ import numpy as np
 from jax.typing import ArrayLike
 from pydantic import BaseModel
 
-from mrjax.cli import program_cache
 from mrjax.core.errors import InputError
 from mrjax.core.text import in_message
 from mrjax.io import files, markers, npz
 from mrjax.io.identity import identity
+from mrjax.io.machine import machine
 from mrjax.io.markers import ForeignError, Strict
 from mrjax.io.npz import DamagedError
 
@@ -548,7 +548,7 @@ def _is_scratch(entry: os.DirEntry) -> bool:
 def _environment() -> dict[str, str]:
     """On what else the last digits hang."""
     versions = {f"version of {name}": importlib.metadata.version(name) for name in PACKAGES}
-    return versions | {"machine": program_cache.machine(), "device": jax.default_backend()}
+    return versions | {"machine": machine(), "device": jax.default_backend()}
 
 
 def _told(name: str, value: Any) -> Iterator[tuple[str, str]]:

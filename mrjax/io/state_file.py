@@ -10,8 +10,7 @@ from jax import Array
 from pydantic import FiniteFloat, PositiveFloat
 
 from mrjax.core.errors import InputError
-from mrjax.core.state import State
-from mrjax.dem.contact_history import WALLS, Contacts
+from mrjax.core.state import WALLS, ContactHistory, State
 from mrjax.io import npz
 from mrjax.io.markers import Strict
 
@@ -108,7 +107,7 @@ def of_arrays(stored: Mapping[str, np.ndarray], contact_diameter: float | None) 
 
     contacts = None
     if "contact_partner" in stored:
-        contacts = Contacts(
+        contacts = ContactHistory(
             jnp.asarray(stored["contact_partner"]),
             maybe("contact_sliding_m"),
             maybe("contact_rolling_rad"),

@@ -27,7 +27,7 @@ class Kind(Enum):
 
 
 @dataclass(frozen=True)
-class Leaf:
+class Operand:
     """An array that a loop reads or writes."""
 
     kind: Kind
@@ -45,7 +45,7 @@ class Leaf:
         return self.rows + own
 
 
-class Replaced(NamedTuple):
+class Alias(NamedTuple):
     """An output for pairs that stands where an input did: places without a pair are left alone."""
 
     given: int  # of the inputs
@@ -53,11 +53,11 @@ class Replaced(NamedTuple):
     lasting: bool  # whether pairs apart keep what they had; else they have zeros
 
 
-Place = tuple[int, int, bool]
+Slot = tuple[int, int, bool]
 """Of a scalar: index of the leaf, row, and whether it belongs to the second of the pair."""
 
 
-def places(leaves: tuple[Leaf, ...]) -> list[Place]:
+def slots(leaves: tuple[Operand, ...]) -> list[Slot]:
     """Of the scalars of one pair, in order: every leaf's rows, of the first and then the second."""
     return [
         (index, row, of_second)
@@ -68,7 +68,7 @@ def places(leaves: tuple[Leaf, ...]) -> list[Place]:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Loop:
+class PairLoop:
     """What is done for every pair whose surfaces touch; others add nothing, and have zeros.
 
     All outputs are of one dtype. What takes an input's place keeps it where no pair is listed.
@@ -76,20 +76,20 @@ class Loop:
 
     law: ClosedJaxpr  # the scalars of `inputs` to those of `outputs`
     touching: ClosedJaxpr  # as many of the first scalars of `inputs` as it has, to a truth
-    inputs: tuple[Leaf, ...]
-    outputs: tuple[Leaf, ...]
+    inputs: tuple[Operand, ...]
+    outputs: tuple[Operand, ...]
     linear: int = 0  # of so many inputs, the last, the outputs are a linear function
-    in_place: tuple[Replaced, ...] = ()
+    in_place: tuple[Alias, ...] = ()
 
     @staticmethod
     def traced(
         law: Callable,
         touching: Callable,
-        inputs: tuple[Leaf, ...],
+        inputs: tuple[Operand, ...],
         results: list[tuple[Kind, tuple[int, ...]]],
         replaced: tuple[int, ...] = (),
         lasting: int = 0,
-    ) -> "Loop":
+    ) -> "PairLoop":
         """From functions of scalars to lists of them.
 
         Args:
@@ -99,21 +99,21 @@ class Loop:
           replaced: inputs whose place the first outputs for pairs take.
           lasting: of so many of these, the last, pairs apart keep what they had.
         """
-        scalars = [jax.ShapeDtypeStruct((), inputs[n].dtype) for n, _, _ in places(inputs)]
+        scalars = [jax.ShapeDtypeStruct((), inputs[n].dtype) for n, _, _ in slots(inputs)]
         traced = jax.make_jaxpr(law)(*scalars)
         dtype = traced.out_avals[0].dtype.name
-        outputs = tuple(Leaf(kind, rows, dtype) for kind, rows in results)
+        outputs = tuple(Operand(kind, rows, dtype) for kind, rows in results)
         looked = jax.make_jaxpr(touching)(*scalars)
         sums = sum(kind is Kind.PARTICLE for kind, _ in results)
         first_lasting = len(replaced) - lasting
         in_place = tuple(
-            Replaced(given, sums + number, number >= first_lasting)
+            Alias(given, sums + number, number >= first_lasting)
             for number, given in enumerate(replaced)
         )
-        return Loop(traced, looked, inputs, outputs, in_place=in_place)
+        return PairLoop(traced, looked, inputs, outputs, in_place=in_place)
 
     @property
-    def changes(self) -> tuple[Leaf, ...]:
+    def changes(self) -> tuple[Operand, ...]:
         """The inputs that the outputs are linear in."""
         return self.inputs[len(self.inputs) - self.linear :]
 
@@ -143,7 +143,7 @@ class Loop:
 
     def __eq__(self, other: object) -> bool:
         """Whether it does the same, so that what is compiled for one serves the other."""
-        return isinstance(other, Loop) and self._content == other._content
+        return isinstance(other, PairLoop) and self._content == other._content
 
     def __hash__(self) -> int:
         """Of what it does."""
@@ -152,16 +152,16 @@ class Loop:
     @cached_property
     def scalars(self) -> list[jax.ShapeDtypeStruct]:
         """Types of the law's arguments."""
-        return [jax.ShapeDtypeStruct((), self.inputs[n].dtype) for n, _, _ in places(self.inputs)]
+        return [jax.ShapeDtypeStruct((), self.inputs[n].dtype) for n, _, _ in slots(self.inputs)]
 
-    def tangent(self, live: tuple[int, ...]) -> tuple["Loop", tuple[int, ...]]:
+    def tangent(self, live: tuple[int, ...]) -> tuple["PairLoop", tuple[int, ...]]:
         """Forwards: the inputs, and changes of those `live`, to the changes of the outputs.
 
         Returns:
           The loop, linear in the changes, and the indices of the outputs that change at all.
         """
         law = jaxpr_as_fun(self.law)
-        varied = [i for i, (n, _, _) in enumerate(places(self.inputs)) if n in live]
+        varied = [i for i, (n, _, _) in enumerate(slots(self.inputs)) if n in live]
         count = len(self.scalars)
 
         def changes(*scalars):
@@ -177,7 +177,7 @@ class Loop:
 
         traced = _traced(changes, self.scalars + [self.scalars[i] for i in varied])
         moved = _dependent(traced, count)
-        outputs = places(self.outputs)
+        outputs = slots(self.outputs)
         some = sorted(
             {n for (n, _, _), of in zip(outputs, moved, strict=True) if of}
             | {of.taken for of in self.in_place if of.given in live}
@@ -188,21 +188,21 @@ class Loop:
             values = jaxpr_as_fun(traced)(*scalars)
             return [values[i] for i in kept]
 
-        loop = Loop(
+        loop = PairLoop(
             _traced(those_that_change, traced.in_avals),
             self.touching,
             self.inputs + tuple(self.inputs[n] for n in live),
             tuple(self.outputs[n] for n in some),
             len(live),
             tuple(
-                Replaced(len(self.inputs) + live.index(given), some.index(taken), lasting)
+                Alias(len(self.inputs) + live.index(given), some.index(taken), lasting)
                 for given, taken, lasting in self.in_place
                 if given in live
             ),
         )
         return loop, tuple(some)
 
-    def with_change(self, change: "Loop") -> "Loop":
+    def with_change(self, change: "PairLoop") -> "PairLoop":
         """This and its `tangent`, repeated or not, as one loop, for the operands of the tangent.
 
         Both read and work out much that is the same, which is then done once.
@@ -212,7 +212,7 @@ class Loop:
         def both(*scalars):
             return [*own(*scalars[:count]), *other(*scalars)]
 
-        return Loop(
+        return PairLoop(
             _traced(both, change.scalars),
             self.touching,
             change.inputs,
@@ -221,12 +221,12 @@ class Loop:
             + tuple(of._replace(taken=len(self.outputs) + of.taken) for of in change.in_place),
         )
 
-    def transposed(self, live: tuple[int, ...]) -> "Loop":
+    def transposed(self, live: tuple[int, ...]) -> "PairLoop":
         """Backwards: cotangents of the outputs `live` to those of the linear inputs."""
         law = jaxpr_as_fun(self.law)
         fixed, linear = self.inputs[: -self.linear], self.changes
-        count = len(places(fixed))
-        seen = [i for i, (n, _, _) in enumerate(places(self.outputs)) if n in live]
+        count = len(slots(fixed))
+        seen = [i for i, (n, _, _) in enumerate(slots(self.outputs)) if n in live]
         given = tuple(self.outputs[n] for n in live)
 
         def backwards(*scalars):
@@ -237,17 +237,17 @@ class Loop:
             return jax.linear_transpose(forwards, *self.scalars[count:])(list(scalars[count:]))
 
         kinds = self.scalars[:count] + [
-            jax.ShapeDtypeStruct((), given[n].dtype) for n, _, _ in places(given)
+            jax.ShapeDtypeStruct((), given[n].dtype) for n, _, _ in slots(given)
         ]
         back = tuple(
-            Replaced(len(fixed) + live.index(taken), given - len(fixed), lasting)
+            Alias(len(fixed) + live.index(taken), given - len(fixed), lasting)
             for given, taken, lasting in self.in_place
             if taken in live
         )
         traced = _traced(backwards, kinds)
-        return Loop(traced, self.touching, fixed + given, linear, len(given), back)
+        return PairLoop(traced, self.touching, fixed + given, linear, len(given), back)
 
-    def repeated(self, times: int, several: tuple[bool, ...]) -> "Loop":
+    def repeated(self, times: int, several: tuple[bool, ...]) -> "PairLoop":
         """For so many sets of linear inputs at once: their rows, and the outputs', set after set.
 
         Args:
@@ -257,40 +257,40 @@ class Loop:
         """
         law = jaxpr_as_fun(self.law)
         fixed, linear = self.inputs[: -self.linear], self.changes
-        count = len(places(fixed))
+        count = len(slots(fixed))
 
-        def many(leaf: Leaf) -> Leaf:
-            return Leaf(leaf.kind, (times, *leaf.rows), leaf.dtype)
+        def many(leaf: Operand) -> Operand:
+            return Operand(leaf.kind, (times, *leaf.rows), leaf.dtype)
 
         wide = tuple(many(leaf) if of else leaf for leaf, of in zip(linear, several, strict=True))
         outputs = tuple(many(leaf) for leaf in self.outputs)
-        where_in = {place: i for i, place in enumerate(places(wide))}
-        where_out = {place: i for i, place in enumerate(places(self.outputs))}
+        where_in = {place: i for i, place in enumerate(slots(wide))}
+        where_out = {place: i for i, place in enumerate(slots(self.outputs))}
 
         def each(*scalars):
             results = []
             for t in range(times):
                 changes = [
                     scalars[count + where_in[n, row + several[n] * t * linear[n].width, second]]
-                    for n, row, second in places(linear)
+                    for n, row, second in slots(linear)
                 ]
                 results.append(law(*scalars[:count], *changes))
             return [
                 results[row // self.outputs[n].width][
                     where_out[n, row % self.outputs[n].width, second]
                 ]
-                for n, row, second in places(outputs)
+                for n, row, second in slots(outputs)
             ]
 
         kinds = self.scalars[:count] + [
-            jax.ShapeDtypeStruct((), wide[n].dtype) for n, _, _ in places(wide)
+            jax.ShapeDtypeStruct((), wide[n].dtype) for n, _, _ in slots(wide)
         ]
         traced = _traced(each, kinds)
-        return Loop(traced, self.touching, fixed + wide, outputs, self.linear, self.in_place)
+        return PairLoop(traced, self.touching, fixed + wide, outputs, self.linear, self.in_place)
 
-    def without_idle(self) -> tuple["Loop", tuple[int, ...]]:
+    def without_idle(self) -> tuple["PairLoop", tuple[int, ...]]:
         """The same without the inputs that it does not read, and the indices of those that stay."""
-        given = places(self.inputs)
+        given = slots(self.inputs)
         stay = {given[scalar][0] for of in (self.law, self.touching) for scalar in _read(of)}
         stay |= {of.given for of in self.in_place}
         stay |= set(range(len(self.inputs) - self.linear, len(self.inputs)))
@@ -313,7 +313,7 @@ class Loop:
             return _traced(evaluated, [kind for (n, _, _), kind in kept if n in stay])
 
         in_place = tuple(of._replace(given=left.index(of.given)) for of in self.in_place)
-        loop = Loop(
+        loop = PairLoop(
             of_less(self.law),
             of_less(self.touching),
             inputs,
@@ -328,7 +328,7 @@ class Loop:
         particles = self.particles([leaf.shape for leaf in leaves])
         wall, listed = second >= particles, jnp.arange(len(first), dtype=count.dtype) < count
 
-        def gathered(place: Place):
+        def gathered(place: Slot):
             n, row, of_second = place
             leaf = self.inputs[n]
             array = leaves[n].reshape(leaf.width, *leaves[n].shape[len(leaf.rows) :])[row]
@@ -338,7 +338,7 @@ class Loop:
                 return array
             return jnp.where(wall, 0, array[second]) if of_second else array[first]
 
-        scalars = [gathered(place) for place in places(self.inputs)]
+        scalars = [gathered(place) for place in slots(self.inputs)]
         guards = scalars[: len(self.touching.jaxpr.invars)]
         (touching,) = jax.vmap(jaxpr_as_fun(self.touching))(*guards)
         values = jax.vmap(jaxpr_as_fun(self.law))(*scalars)
@@ -350,7 +350,7 @@ class Loop:
         for given, taken, lasting in self.in_place:
             before = leaves[given].reshape(results[taken].shape)
             results[taken] = before if lasting else jnp.where(listed, 0, before)
-        for (n, row, of_second), value in zip(places(self.outputs), values, strict=True):
+        for (n, row, of_second), value in zip(slots(self.outputs), values, strict=True):
             elsewhere = results[n][row] if self.outputs[n].kind is Kind.PAIR else 0
             value = jnp.where(touching & listed, value, elsewhere)
             kind = self.outputs[n].kind

@@ -18,7 +18,7 @@ from jax.typing import ArrayLike
 from mrjax.dem.pairs import Pairs
 from mrjax.kernel.llvm import codegen
 from mrjax.kernel.llvm.chunks import room_for_sums
-from mrjax.kernel.loop import Kind, Leaf, Loop
+from mrjax.kernel.loop import Kind, Operand, PairLoop
 
 AT_ONCE = 4
 """Directions of a derivative that one loop takes together."""
@@ -59,7 +59,7 @@ def pairwise(
     kinds = [Kind.PARTICLE] * len(of_particles) + [Kind.PAIR] * len(of_pairs)
     kinds += [Kind.ALL] * len(of_all)
     inputs = tuple(
-        Leaf(
+        Operand(
             kind,
             array.shape[: array.ndim - (kind is not Kind.ALL)],
             array.dtype.name,
@@ -73,7 +73,7 @@ def pairwise(
         left = iter(scalars)
         firsts, seconds, pairs, everything = [], [], [], []
 
-        def taken(leaf: Leaf):
+        def taken(leaf: Operand):
             return tuple(next(left) for _ in range(leaf.width)) if leaf.rows else next(left)
 
         for leaf in inputs:
@@ -96,7 +96,7 @@ def pairwise(
             values += _scalars(value, dtype)
         return values
 
-    loop = Loop.traced(
+    loop = PairLoop.traced(
         flat,
         lambda *scalars: [touching(*arranged(scalars))],
         inputs,
@@ -126,7 +126,7 @@ pairwise_p.multiple_results = True
 
 
 @partial(jax.jit, static_argnames="loop")
-def _alone(*operands: Array, loop: Loop) -> list[Array]:
+def _alone(*operands: Array, loop: PairLoop) -> list[Array]:
     return pairwise_p.bind(*operands, loop=loop)
 
 
@@ -134,12 +134,12 @@ pairwise_p.def_impl(_alone)
 
 
 @pairwise_p.def_abstract_eval
-def _shapes(first, second, count, *leaves, loop: Loop):
+def _shapes(first, second, count, *leaves, loop: PairLoop):
     particles = loop.particles([leaf.shape for leaf in leaves])
     return [ShapedArray(leaf.shape(particles, first.shape[0]), leaf.dtype) for leaf in loop.outputs]
 
 
-def _jvp(primals, tangents, *, loop: Loop):
+def _jvp(primals, tangents, *, loop: PairLoop):
     live = tuple(i for i, t in enumerate(tangents[3:]) if not isinstance(t, ad.Zero))
     zeros = [ad.Zero(aval) for aval in _shapes(*primals, loop=loop)]
     tangent, changed = loop.tangent(live) if live else (None, ())
@@ -153,7 +153,7 @@ def _jvp(primals, tangents, *, loop: Loop):
     return found, zeros
 
 
-def _transpose(cotangents, *operands, loop: Loop):
+def _transpose(cotangents, *operands, loop: PairLoop):
     if not loop.linear:
         raise NotImplementedError("this law of pairs is not known to be linear")
     fixed, linear = operands[: -loop.linear], operands[-loop.linear :]
@@ -165,7 +165,7 @@ def _transpose(cotangents, *operands, loop: Loop):
     return nothing + back
 
 
-def _batched(operands, axes, *, loop: Loop):
+def _batched(operands, axes, *, loop: PairLoop):
     operands, several = _in_front(operands, axes)
     together = _together(operands, several, loop)
     if together is not None:
@@ -189,7 +189,7 @@ def _in_front(operands, axes) -> tuple[list, list[bool]]:
     return moved, several
 
 
-def _together(operands: list, several: list[bool], loop: Loop) -> tuple[list, Loop] | None:
+def _together(operands: list, several: list[bool], loop: PairLoop) -> tuple[list, PairLoop] | None:
     """One loop for all members, which must not be many, and differ in the changes only."""
     fixed = len(operands) - loop.linear
     size = len(operands[several.index(True)])
@@ -218,7 +218,7 @@ with_change_p.multiple_results = True
 
 
 @partial(jax.jit, static_argnames=("loop", "change"))
-def _both_alone(*operands: Array, loop: Loop, change: Loop) -> list[Array]:
+def _both_alone(*operands: Array, loop: PairLoop, change: PairLoop) -> list[Array]:
     return with_change_p.bind(*operands, loop=loop, change=change)
 
 
@@ -226,21 +226,21 @@ with_change_p.def_impl(_both_alone)
 
 
 @with_change_p.def_abstract_eval
-def _both_shapes(*operands, loop: Loop, change: Loop):
+def _both_shapes(*operands, loop: PairLoop, change: PairLoop):
     return _shapes(*operands, loop=loop) + _shapes(*operands, loop=change)
 
 
-def _both_in_arrays(*operands, loop: Loop, change: Loop) -> list[Array]:
+def _both_in_arrays(*operands, loop: PairLoop, change: PairLoop) -> list[Array]:
     return loop.in_arrays(*operands[: -change.linear]) + change.in_arrays(*operands)
 
 
-def _both_jvp(primals, tangents, *, loop: Loop, change: Loop):
+def _both_jvp(primals, tangents, *, loop: PairLoop, change: PairLoop):
     of_loop = _jvp(primals[: -change.linear], tangents[: -change.linear], loop=loop)
     of_change = _jvp(primals, tangents, loop=change)
     return tuple([*one, *other] for one, other in zip(of_loop, of_change, strict=True))
 
 
-def _both_batched(operands, axes, *, loop: Loop, change: Loop):
+def _both_batched(operands, axes, *, loop: PairLoop, change: PairLoop):
     operands, several = _in_front(operands, axes)
     alone, count = operands[: -change.linear], len(loop.outputs)
     together = _together(operands, several, change)
@@ -257,7 +257,7 @@ def _both_batched(operands, axes, *, loop: Loop, change: Loop):
     return [*found, *moved], [*at, *there]
 
 
-def _both_split(trace, *tracers, loop: Loop, change: Loop):
+def _both_split(trace, *tracers, loop: PairLoop, change: PairLoop):
     """The loop where its operands are known, and the change still to be transposed.
 
     What the change does not read need not be kept for it.
@@ -291,7 +291,7 @@ def _both_remembered(saveable, unknown, present, equation):
     return known, equation, later, [True] * len(later), kept
 
 
-def _compiled(context, *operands, loop: Loop):
+def _compiled(context, *operands, loop: PairLoop):
     shapes = [operand.shape for operand in context.avals_in]
     particles, (room,) = loop.particles(shapes[3:]), shapes[0]
     lower = jax.ffi.ffi_lowering(

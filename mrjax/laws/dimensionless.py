@@ -12,10 +12,10 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from mrjax.core.numpy_evaluation import by_numpy
+from mrjax.core import checks
+from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.core.parameters import Parameters
-from mrjax.laws import particle, time_scales
-from mrjax.observables import interface
+from mrjax.laws import drag, particle, time_scales
 
 BOLTZMANN = 1.380649e-23
 """J/K."""
@@ -59,6 +59,22 @@ def in_words(of: Iterable[Number]) -> str:
     return ", ".join(f"{one.name} {one.value:.2g} ({one.holds})" for one in of)
 
 
+def reynolds_number(velocity: ArrayLike, parameters: Parameters) -> Array:
+    """Re = rho_f v 2 f_r R / (f_v mu) of a coated particle in the thickened fluid; 1.
+
+    Args:
+      velocity: settling velocity, m/s, () or (N,).
+      parameters: of the particles and the fluid.
+
+    Raises:
+      InputError: parameters that are something else.
+    """
+    checks.of_kind(Parameters, parameters=parameters)
+    diameter = 2.0 * particle.outer_radius(parameters)
+    viscosity = drag.carrier_viscosity(parameters)
+    return parameters.fluid_density * velocity * diameter / viscosity
+
+
 def numbers(
     parameters: Parameters, velocity: ArrayLike, temperature: float = ROOM
 ) -> tuple[Number, Number, Number]:
@@ -69,7 +85,9 @@ def numbers(
       velocity: at which they settle or rise, m/s, () or (N,).
       temperature: of the fluid, K.
     """
-    reynolds, stokes, peclet = map(float, by_numpy(_worst, parameters, velocity, temperature))
+    reynolds, stokes, peclet = map(
+        float, evaluate_with_numpy(_worst, parameters, velocity, temperature)
+    )
     return (
         Number("Reynolds", reynolds, 0.1, True, "Stokes' drag is too small by more than 2 %"),
         Number(
@@ -96,7 +114,7 @@ def _worst(
     inertia = time_scales.relaxation_time(parameters) * speed / radius
     heat = jnp.abs(particle.net_weight(parameters)) * radius / (BOLTZMANN * temperature)
     return (
-        jnp.max(interface.reynolds_number(speed, parameters)),
+        jnp.max(reynolds_number(speed, parameters)),
         jnp.max(inertia),
         jnp.min(heat),
     )

@@ -12,7 +12,7 @@ from mrjax.dem.pairs import Pairs
 from mrjax.laws import normal, particle, rolling, tangential
 
 
-class Surfaces(NamedTuple):
+class PairProperties(NamedTuple):
     """Constants of the contacts, (P,); () where equal for all."""
 
     modulus: Array  # E*, Pa
@@ -28,7 +28,7 @@ class Surfaces(NamedTuple):
     rolling_damping: Array  # h_r
 
 
-def of(parameters: Parameters, material: Array | None, listed: Pairs) -> Surfaces:
+def per_pair(parameters: Parameters, material: Array | None, listed: Pairs) -> PairProperties:
     """Constants of the listed contacts; a wall is of infinite radius and mass.
 
     Args:
@@ -39,7 +39,7 @@ def of(parameters: Parameters, material: Array | None, listed: Pairs) -> Surface
     return _between(parameters, material, listed.first, listed.second, listed.wall)
 
 
-def of_kinds(parameters: Parameters, material: Array | None, walled: bool) -> Surfaces | None:
+def per_kind(parameters: Parameters, material: Array | None, walled: bool) -> PairProperties | None:
     """Constants of a contact of two particles and, in a box with walls, of one with a wall.
 
     Of shape (1,) or (2,), () where all are equal; None where particles differ, and so do the
@@ -60,7 +60,7 @@ def _between(
     first: ArrayLike,
     second: ArrayLike,
     wall: ArrayLike | None,
-) -> Surfaces:
+) -> PairProperties:
     def sides(leaf: Array, of_wall: Array | None = None) -> tuple[Array, Array]:
         # A wall's id is beyond the last particle's, which is read in its place.
         mine, theirs = (leaf, leaf) if jnp.ndim(leaf) == 0 else (leaf[first], leaf[second])
@@ -89,7 +89,7 @@ def _between(
     materials = (modulus_i, poisson_i, modulus_j, poisson_j)
     moment, mass = particle.moment_of_inertia(parameters), particle.inertia(parameters)
     radius = particle.outer_radius(parameters)
-    return Surfaces(
+    return PairProperties(
         normal.effective_modulus(*materials),
         tangential.effective_shear_modulus(*materials),
         combined(radius),

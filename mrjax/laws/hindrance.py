@@ -23,9 +23,9 @@ Hindrance = Callable[[ArrayLike], ArrayLike]
 `jax.tree_util.Partial` of a closure of `mrjax.laws.drag` and its coefficients, these can change
 without a new program."""
 
-BED = 0.55
+BED_FRACTION = 0.55
 """Volume fraction of a bed, where the contacts are that decide how long a step may be."""
-DENSEST = 0.7
+LARGEST_FRACTION = 0.7
 """Volume fraction beyond which none is believed: more than a random packing has."""
 
 
@@ -46,7 +46,7 @@ def as_tree(hindrance: Hindrance | None) -> Hindrance | None:
     return Partial(hindrance) if any(leaf is hindrance for leaf in leaves) else hindrance
 
 
-def hindered(
+def hindered_parameters(
     parameters: Parameters, hindrance: Hindrance, box: Box, position: Array, spacing: float
 ) -> Parameters:
     """The parameters with the f_w that each particle feels, (N,).
@@ -58,7 +58,7 @@ def hindered(
       spacing: of `local_volume_fraction`.
     """
     fraction = local_volume_fraction(parameters, box, position, spacing)
-    return parameters.replace(f_w=hindrance(jnp.minimum(fraction, DENSEST)))
+    return parameters.replace(f_w=hindrance(jnp.minimum(fraction, LARGEST_FRACTION)))
 
 
 def local_volume_fraction(

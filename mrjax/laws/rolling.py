@@ -14,8 +14,7 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from mrjax.dem import contact_history
-from mrjax.laws import normal
+from mrjax.laws import normal, vectors
 from mrjax.laws.vectors import Vector, plus, times
 
 
@@ -61,6 +60,6 @@ def rolling_torque(
     spring = hertz * root * arm
     dashpot = 2.0 * damping * jnp.sqrt(inertia * hertz) * fourth_root
     # As forces at the arm mu_r R*, which may be zero.
-    roll = times(contact_history.shortening(times(spring, roll), normal_force), roll)
+    roll = times(vectors.clip_factor(times(spring, roll), normal_force), roll)
     borne = plus(times(spring, roll), dashpot, rate)
-    return times(-arm * contact_history.shortening(borne, normal_force), borne), roll
+    return times(-arm * vectors.clip_factor(borne, normal_force), borne), roll

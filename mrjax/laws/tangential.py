@@ -17,8 +17,7 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from mrjax.dem import contact_history
-from mrjax.laws import normal
+from mrjax.laws import normal, vectors
 from mrjax.laws.vectors import Vector, plus, times
 
 
@@ -88,11 +87,11 @@ def tangential_force(
     mindlin = 8.0 * shear_modulus * jnp.sqrt(radius)
     spring = mindlin * root
     limit, trial = friction * normal_force, stretch
-    stretch = times(contact_history.shortening(times(spring, stretch), limit), stretch)
+    stretch = times(vectors.clip_factor(times(spring, stretch), limit), stretch)
     if not damped:
         return times(-spring, stretch), stretch
     dashpot = spring * dissipation + damping * jnp.sqrt(10 / 3 * mass * mindlin) * fourth_root
     # Where nothing is borne the direction still matters, to the derivative with respect to mu.
     held = tuple(jnp.where(limit > 0.0, s, t) for s, t in zip(stretch, trial, strict=True))
     borne = plus(times(spring, held), dashpot, slip)
-    return times(-contact_history.shortening(borne, limit), borne), stretch
+    return times(-vectors.clip_factor(borne, limit), borne), stretch

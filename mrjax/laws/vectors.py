@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from jax import Array
+import jax.numpy as jnp
+from jax import Array, lax
 
 Vector = Sequence[Array] | Array
 """Three components, or an array of them."""
@@ -30,3 +31,21 @@ def plus(a: Vector | Sequence[float], factor: Array | float, b: Vector) -> Vecto
 def times(factor: Array | float, a: Vector) -> Vector:
     """The product factor a."""
     return (factor * a[0], factor * a[1], factor * a[2])
+
+
+def clip_factor(vector: Vector, longest: Array) -> Array:
+    """The factor, 0 to 1, that shortens a vector to a length; 0 where nothing is allowed.
+
+    Its derivatives are finite. A common scale does not change it, and keeps squares in the range of
+    single precision.
+    """
+    size = jnp.abs(vector[0]) + jnp.abs(vector[1]) + jnp.abs(vector[2]) + longest
+    scale = 1.0 / lax.stop_gradient(jnp.where(size > 0.0, size, 1.0))
+    vector, limit = times(scale, vector), scale * longest
+    square = dot(vector, vector)
+    longer = square > limit**2
+    # Not where(longer, square, 1): a compiler may round this comparison differently in each place
+    # that it copies it to, and a vector just shortened has exactly the limit's length.
+    safe = jnp.where(size > 0.0, jnp.maximum(square, limit**2), 1.0)
+    shortened = limit / jnp.sqrt(safe)
+    return jnp.where(longer, shortened, jnp.where(longest > 0.0, 1.0, 0.0))

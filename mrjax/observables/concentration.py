@@ -19,7 +19,7 @@ from mrjax.core import checks
 from mrjax.core.box import Box
 from mrjax.core.errors import InputError
 from mrjax.core.run import Run, from_bed
-from mrjax.core.tracing import concrete
+from mrjax.core.tracing import value_or_none
 
 CELLS = 20
 """Cells in a slab one diameter thick; a profile has one level for each cell."""
@@ -28,7 +28,7 @@ DILUTE = 1e-4
 which no traced diameter can fix; this bounds it."""
 
 
-def cap(height: Array, radius: Array) -> Array:
+def spherical_cap_volume(height: Array, radius: Array) -> Array:
     """Volume of spheres below a plane, pi u^2 (3R - u) / 3, elementwise; m^3.
 
     Args:
@@ -48,7 +48,7 @@ def solid_below(heights: Array, radius: Array, level: Array) -> Array:
       level: heights of the planes, (Z,) in m.
     """
     bottom = heights - radius
-    return jnp.sum(cap(level[:, None] - bottom[None, :], radius[None, :]), axis=1)
+    return jnp.sum(spherical_cap_volume(level[:, None] - bottom[None, :], radius[None, :]), axis=1)
 
 
 def concentration(run: Run, levels: ArrayLike, thickness: ArrayLike) -> Array:
@@ -67,7 +67,7 @@ def concentration(run: Run, levels: ArrayLike, thickness: ArrayLike) -> Array:
       SimulationError: the run is not to be trusted.
     """
     checks.good(run)
-    if concrete(thickness) is not None:
+    if value_or_none(thickness) is not None:
         checks.positive(thickness, "thickness", "m")
     if np.ndim(levels) != 1:
         raise InputError(
@@ -213,7 +213,7 @@ def _column(heights: Array, radius: Array, box: Box) -> tuple[Array, Array]:
     bottom = heights - radius
     lowest = jnp.floor(lax.stop_gradient(bottom / cell))
     edge = lowest[:, None] + jnp.arange(CELLS + 2, dtype=heights.dtype)[None, :]
-    below = cap(edge * cell - bottom[:, None], radius[:, None])
+    below = spherical_cap_volume(edge * cell - bottom[:, None], radius[:, None])
     # What is pressed into the floor counts in the lowest cell.
     index = jnp.clip(edge[:, :-1], 0, cells - 1).astype(jnp.int32)
     return cell, jnp.zeros(cells, heights.dtype).at[index].add(jnp.diff(below, axis=1))

@@ -14,10 +14,8 @@ from jax.typing import ArrayLike
 
 from mrjax.core import checks
 from mrjax.core.errors import InputError, shown
-from mrjax.core.parameters import Parameters
 from mrjax.core.run import Run, from_bed
-from mrjax.core.tracing import concrete
-from mrjax.laws import drag, particle
+from mrjax.core.tracing import value_or_none
 from mrjax.observables.concentration import half_concentration, solid_below
 
 
@@ -176,7 +174,7 @@ def asymptotes(run: Run) -> Asymptotes:
     checks.good(run)
     filled = from_bed(run, run.mudline)
     descent = filled[0] - filled
-    whole = concrete(descent[-1])
+    whole = value_or_none(descent[-1])
     if whole is not None and whole == 0.0:
         raise InputError("the mudline has not moved: give a run in which something settles")
     early = lax.cummax(descent) <= 0.25 * descent[-1]
@@ -187,22 +185,6 @@ def asymptotes(run: Run) -> Asymptotes:
         filled[-1] / run.initial_height,
         descent[-1] / slope,
     )
-
-
-def reynolds_number(velocity: ArrayLike, parameters: Parameters) -> Array:
-    """Re = rho_f v 2 f_r R / (f_v mu) of a coated particle in the thickened fluid; 1.
-
-    Args:
-      velocity: settling velocity, m/s, () or (N,).
-      parameters: of the particles and the fluid.
-
-    Raises:
-      InputError: parameters that are something else.
-    """
-    checks.of_kind(Parameters, parameters=parameters)
-    diameter = 2.0 * particle.outer_radius(parameters)
-    viscosity = drag.carrier_viscosity(parameters)
-    return parameters.fluid_density * velocity * diameter / viscosity
 
 
 @jax.jit

@@ -24,10 +24,10 @@ from pydantic import (
 
 from mrjax.core.box import AXES, Box
 from mrjax.core.errors import InputError, shown, shown_key
-from mrjax.core.numpy_evaluation import by_numpy
+from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.core.parameters import Parameters
 from mrjax.laws import drag
-from mrjax.laws.hindrance import DENSEST, Hindrance
+from mrjax.laws.hindrance import LARGEST_FRACTION, Hindrance
 from mrjax.recipe import sheets, sizes
 from mrjax.recipe.sheets import Name, Sheet
 from mrjax.recipe.sizes import Sizes
@@ -63,7 +63,7 @@ def _diameter(value: Any) -> float | Sizes:
         sizes.refuse_tiny("particle.diameter", diameter)
         return diameter
     try:
-        return sizes.of(value)
+        return sizes.parse(value)
     except InputError as error:
         raise ValueError(f"particle.diameter.{error}") from None
 
@@ -386,7 +386,7 @@ class Recipe(Sheet):
         if isinstance(self.drag.f_w, float):
             return self.drag.f_w
         with jax.ensure_compile_time_eval():  # a sheet holds numbers, also where jit is tracing
-            return float(by_numpy(_closure(self.drag.f_w), self.coated_volume_fraction))
+            return float(evaluate_with_numpy(_closure(self.drag.f_w), self.coated_volume_fraction))
 
     @property
     def hindrance(self) -> Hindrance | None:
@@ -412,7 +412,7 @@ class Recipe(Sheet):
         if isinstance(self.drag.f_s, float):
             return self.drag.f_s
         with jax.ensure_compile_time_eval():
-            return float(by_numpy(drag.shape_factor, *self.drag.f_s))
+            return float(evaluate_with_numpy(drag.shape_factor, *self.drag.f_s))
 
     @property
     def notes(self) -> list[str]:
@@ -581,7 +581,7 @@ class Recipe(Sheet):
     def _check_factors(self) -> None:
         factors = {"f_w": [self.f_w], "f_s": [self.f_s]}
         if self.hindrance:
-            factors["f_w"].append(float(by_numpy(self.hindrance, DENSEST)))
+            factors["f_w"].append(float(evaluate_with_numpy(self.hindrance, LARGEST_FRACTION)))
         for name, values in factors.items():
             for value in values:
                 if not LEAST_FACTOR <= value <= LARGEST_FACTOR:

@@ -127,7 +127,7 @@ class LogNormal:
 Sizes = Classes | LogNormal
 
 
-def of(diameter: Any) -> Sizes:
+def parse(diameter: Any) -> Sizes:
     """What a lab sheet gives as `diameter`: a list, or a table of a distribution.
 
     Raises:

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from mrjax.core.numpy_evaluation import by_numpy
+from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.core.parameters import Parameters
 from mrjax.core.units import MM_PER_DAY
 from mrjax.laws import closed_forms, dimensionless, particle, time_scales
@@ -39,14 +39,14 @@ def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
       InputError: a sheet of which a run cannot be made.
     """
     parameters, count = recipe.parameters(), recipe.particle_count
-    of = by_numpy(_of, parameters)
+    of = evaluate_with_numpy(_of, parameters)
     soft = softened(parameters, recipe.box, count, overlap)
     way = estimates.Way(recipe.box.height, recipe.box.height)
     fall, falling = estimates.duration(soft, recipe.box, count, way)
     step = estimates.step(soft, recipe.box, count, falling, recipe.hindrance)
     factor = float(soft.elastic_modulus) / float(parameters.elastic_modulus)
     numbers = dimensionless.numbers(parameters, of["velocity"])
-    rest, steps = estimates.TO_REST * fall, estimates.TO_REST * fall / step
+    rest, steps = estimates.TIMES_FREE_FALL * fall, estimates.TIMES_FREE_FALL * fall / step
     found = [
         ("particles", "particles in the box", count, "1"),
         ("volume_fraction", "volume fraction of particles", recipe.volume_fraction, "1"),
@@ -90,7 +90,7 @@ def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
 def warnings(recipe: Recipe) -> list[str]:
     """One line for each assumption of the model that the suspension does not meet."""
     parameters = recipe.parameters()
-    velocity = by_numpy(_of, parameters)["velocity"]
+    velocity = evaluate_with_numpy(_of, parameters)["velocity"]
     return dimensionless.warnings(dimensionless.numbers(parameters, velocity))
 
 

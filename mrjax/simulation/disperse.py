@@ -18,7 +18,7 @@ from mrjax.core import checks, randomness
 from mrjax.core._jax_md import minimize
 from mrjax.core.box import Box
 from mrjax.core.errors import InputError
-from mrjax.core.promotion import permissive
+from mrjax.core.promotion import relaxed_promotion
 from mrjax.core.state import State, place
 from mrjax.dem import neighbours
 from mrjax.dem.neighbours import Neighbours, Plan
@@ -113,7 +113,7 @@ def _relax(position: Array, radius: Array, box: Box, plan: Plan) -> tuple[Array,
     def shift(position: Array, change: Array, **_) -> Array:
         return position + jnp.clip(change, -longest, longest)
 
-    with permissive():
+    with relaxed_promotion():
         start, advance = minimize.fire_descent(energy, shift)
         state = start(position, listed=listed)
         state = lax.fori_loop(

@@ -10,11 +10,11 @@ from jax.typing import ArrayLike
 
 from mrjax.core.box import Box
 from mrjax.core.errors import InputError
-from mrjax.core.numpy_evaluation import by_numpy
+from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.core.parameters import Parameters, per_particle
-from mrjax.core.tracing import concrete, known, where_known
+from mrjax.core.tracing import drop_tracers, evaluated_or_none, value_or_none
 from mrjax.laws import closed_forms, particle, time_scales
-from mrjax.laws.hindrance import BED, Hindrance
+from mrjax.laws.hindrance import BED_FRACTION, Hindrance
 from mrjax.laws.time_scales import Mode
 from mrjax.simulation import softening
 
@@ -22,11 +22,11 @@ RANDOM_BED = (Mode(2.8, 2.8, 2.8),)
 """About what the contacts of a random bed of spheres add up to; a run that shows this to be too few
 is repeated with shorter steps."""
 
-TO_REST = 2.5
+TIMES_FREE_FALL = 2.5
 """How much longer beds take to rest than a free fall would, about: case2 and case3 do."""
 PACKED = 0.64
 """Volume fraction of a random close packing: what is left to fall through, at most."""
-THIN = 0.5
+DILUTE_SHARE = 0.5
 """Volume fraction of the thinnest layers in which particles touch, over that of all."""
 INERTIAL = 8.0
 """How much shorter a step must be where drag does not damp contacts: an impact takes about 20."""
@@ -48,8 +48,10 @@ def ways(numbers: Parameters, box: Box, centres: ArrayLike) -> Way:
     Raises:
       InputError: centres or parameters that are traced.
     """
-    position = concrete(centres)
-    found = where_known(lambda: (particle.outer_radius(numbers), particle.net_weight(numbers)))
+    position = value_or_none(centres)
+    found = evaluated_or_none(
+        lambda: (particle.outer_radius(numbers), particle.net_weight(numbers))
+    )
     if found is None or position is None:
         raise InputError(TRACED)
     radius, weight = (np.broadcast_to(of, len(position)) for of in found)
@@ -74,7 +76,7 @@ def duration(numbers: Parameters, box: Box, particles: int, way: Way) -> tuple[f
     Raises:
       InputError: nothing pulls them, no floor and lid ends their way, or parameters are traced.
     """
-    found = where_known(by_numpy, partial(_falling, particles=particles), numbers)
+    found = evaluated_or_none(evaluate_with_numpy, partial(_falling, particles=particles), numbers)
     if found is None:
         raise InputError(TRACED)
     pull, terminal, sinking, rising, largest = map(float, found)
@@ -118,7 +120,7 @@ def step(
       InputError: no step would do.
     """
     law = partial(_overlaps, box=box, particles=particles, falling=falling)
-    found = where_known(by_numpy, law, numbers)
+    found = evaluated_or_none(evaluate_with_numpy, law, numbers)
     if found is None:
         raise InputError(TRACED)
     resting, alone, impact, fraction = map(float, found)
@@ -126,7 +128,7 @@ def step(
     if hindrance is not None:
         layers = [
             (numbers.replace(f_w=_felt(hindrance, share)), overlap)
-            for share, overlap in ((BED, resting), (THIN * fraction, alone))
+            for share, overlap in ((BED_FRACTION, resting), (DILUTE_SHARE * fraction, alone))
         ]
     longest = min(_stable(layer, max(overlap, impact)) for layer, overlap in layers)
     if not longest > 0.0:
@@ -142,7 +144,7 @@ def _felt(hindrance: Hindrance, share: float) -> np.ndarray:
     Raises:
       InputError: it is traced.
     """
-    found = where_known(by_numpy, known(hindrance), share)
+    found = evaluated_or_none(evaluate_with_numpy, drop_tracers(hindrance), share)
     if found is None:
         raise InputError(TRACED)
     return found
@@ -154,7 +156,7 @@ def _stable(numbers: Parameters, overlap: float) -> float:
     Raises:
       InputError: parameters that are traced.
     """
-    found = where_known(by_numpy, _limits, numbers, overlap)
+    found = evaluated_or_none(evaluate_with_numpy, _limits, numbers, overlap)
     if found is None:
         raise InputError(TRACED)
     stable, relaxation = map(float, found)

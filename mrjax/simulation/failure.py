@@ -12,12 +12,12 @@ from scipy.spatial import cKDTree
 
 from mrjax.core.box import AXES, Box
 from mrjax.core.errors import SimulationError
-from mrjax.core.numpy_evaluation import by_numpy
+from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.core.parameters import Parameters
 from mrjax.core.run import Fault, reasons
 from mrjax.core.state import State
-from mrjax.dem.engine import DEEPEST
-from mrjax.dem.scan import Setup, attempt
+from mrjax.dem.engine import MAX_OVERLAP
+from mrjax.dem.scan import RunPlan, run_once
 from mrjax.dem.schedule import Schedule
 from mrjax.laws import particle
 from mrjax.laws.hindrance import Hindrance
@@ -31,7 +31,7 @@ def failure(
     parameters: Parameters,
     hindrance: Hindrance | None,
     box: Box,
-    setup: Setup,
+    setup: RunPlan,
     faults: int,
     time: float,
 ) -> SimulationError:
@@ -68,9 +68,9 @@ def refuse_deep_start(state: State, parameters: Parameters, box: Box) -> None:
     if not np.isfinite(position).all():
         return  # which the run says
     with jax.ensure_compile_time_eval():
-        outer = by_numpy(particle.outer_radius, parameters)
+        outer = evaluate_with_numpy(particle.outer_radius, parameters)
     depth, names = _deepest(position, np.broadcast_to(outer, len(position)), box)
-    if depth > DEEPEST:
+    if depth > MAX_OVERLAP:
         error = SimulationError(f"at 0 s, {names}: {reasons(Fault.TOO_DEEP)}")
         error.state, error.time, error.faults = state, 0.0, int(Fault.TOO_DEEP)
         raise error
@@ -81,7 +81,7 @@ class _Span:
     """A piece of a run that has a fault."""
 
     state: State  # at its beginning
-    setup: Setup
+    setup: RunPlan
     begins: float  # s
     faults: Fault
     end: State | None = None  # where it is a single step
@@ -111,7 +111,7 @@ def _narrowed(span: _Span, parameters: Parameters, hindrance: Hindrance | None, 
     return span
 
 
-def _piece(setup: Setup) -> Setup:
+def _piece(setup: RunPlan) -> RunPlan:
     """Of a run, about one of its PIECES; as many steps between looks at the list, or fewer."""
     cuts = setup.cuts
     most = max(1, cuts.total // PIECES)
@@ -121,7 +121,7 @@ def _piece(setup: Setup) -> Setup:
     return replace(setup, duration=duration, cuts=shorter, trajectory=False, spoil=False)
 
 
-_once = jax.jit(attempt, static_argnames=("box", "setup"))
+_once = jax.jit(run_once, static_argnames=("box", "setup"))
 
 
 def _who(step: _Span, end: State, parameters: Parameters, box: Box) -> str:

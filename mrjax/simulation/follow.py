@@ -14,7 +14,7 @@ from mrjax.io.checkpoint import Checkpoint, Sequence, refuse_foreign
 from mrjax.laws.hindrance import Hindrance, as_tree
 from mrjax.simulation.pieces import Pieces
 from mrjax.simulation.progress import watched
-from mrjax.simulation.simulate import prepared
+from mrjax.simulation.simulate import plan_run
 
 MOST_AT_ONCE = 10**8
 """Steps of one particle in a part that is kept: some seconds."""
@@ -57,7 +57,7 @@ def follow(
     checks.of_run(state, parameters, box)
     hindrance = as_tree(hindrance)
     with interruptible() as stop:
-        setup = prepared(
+        setup = plan_run(
             state,
             parameters,
             box,

@@ -17,12 +17,11 @@ import numpy as np
 from mrjax.core.box import Box
 from mrjax.core.errors import InputError, SimulationError, SystemRefusal
 from mrjax.core.run import Run
-from mrjax.core.state import State
+from mrjax.core.state import ContactHistory, State
 from mrjax.core.trajectory import Trajectory
-from mrjax.dem.contact_history import Contacts
 from mrjax.recipe.recipe import Recipe
 
-TABLES = {one.__name__: one for one in (Box, Contacts, Run, State, Trajectory)}
+TABLES = {one.__name__: one for one in (Box, ContactHistory, Run, State, Trajectory)}
 """Dataclasses by name."""
 ERRORS = {one.__name__: one for one in (InputError, SimulationError, SystemRefusal)}
 LENGTH = struct.Struct("!Q")

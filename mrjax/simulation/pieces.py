@@ -22,9 +22,9 @@ from mrjax.core.parameters import Parameters
 from mrjax.core.run import Run
 from mrjax.core.state import State
 from mrjax.dem import sorting
-from mrjax.dem.contact_history import Notes
+from mrjax.dem.contact_history import ParticleHistory
 from mrjax.dem.engine import Engine, Motion, Observed, Outcome
-from mrjax.dem.scan import Setup, in_lab_units, reduced
+from mrjax.dem.scan import RunPlan, in_lab_units, reduced
 from mrjax.dem.schedule import Schedule
 from mrjax.laws.hindrance import Hindrance
 from mrjax.simulation.failure import failure, refuse_deep_start
@@ -85,7 +85,7 @@ class Pieces:
         parameters: Parameters,
         hindrance: Hindrance | None,
         box: Box,
-        setup: Setup,
+        setup: RunPlan,
         *,
         stop: Stop,
     ) -> None:
@@ -103,9 +103,12 @@ class Pieces:
         self.hindrance, self.box, self.stop = hindrance, box, stop
         self.back: np.ndarray | None = None
         self.given = state, parameters
-        if state.particles >= sorting.MANY:
-            places = sorting.in_space(state.position, box, setup.plan.cell * setup.unit_length)
-            state, parameters = sorting.arranged(state, places), sorting.of_each(parameters, places)
+        if state.particles >= sorting.SORT_FROM:
+            places = sorting.spatial_order(state.position, box, setup.plan.cell * setup.unit_length)
+            state, parameters = (
+                sorting.permute_state(state, places),
+                sorting.permute_parameters(parameters, places),
+            )
             self.back = np.argsort(np.asarray(places))
         self.parameters, self.setup = parameters, setup
         self.frames = setup.cuts.frames  # those that are wanted
@@ -377,7 +380,7 @@ class Pieces:
         return jax.tree.map(jnp.asarray, found.state)
 
     def _in_given_order(self, state: State) -> State:
-        return state if self.back is None else sorting.arranged(state, jnp.asarray(self.back))
+        return state if self.back is None else sorting.permute_state(state, jnp.asarray(self.back))
 
     def _of_each(self, values: Any) -> Any:
         return values if self.back is None else values[self.back]
@@ -426,7 +429,7 @@ def _begun(
     position: Array,
     velocity: Array,
     spin: Array,
-    notes: Notes,
+    notes: ParticleHistory,
     parameters: Parameters,
     material: Array | None,
     hindrance: Hindrance | None,

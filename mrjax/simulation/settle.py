@@ -18,10 +18,9 @@ from mrjax.core.errors import InputError, SimulationError
 from mrjax.core.interruption import Stop, interruptible, side_by_side
 from mrjax.core.parameters import Parameters
 from mrjax.core.run import Fault, Run
-from mrjax.core.state import State
-from mrjax.core.tracing import known
-from mrjax.dem import contact_history
-from mrjax.dem.scan import Setup
+from mrjax.core.state import State, widened
+from mrjax.core.tracing import drop_tracers
+from mrjax.dem.scan import RunPlan
 from mrjax.io import state_file
 from mrjax.io.checkpoint import Checkpoint, refuse_foreign
 from mrjax.laws.hindrance import Hindrance, as_tree
@@ -29,7 +28,7 @@ from mrjax.simulation import estimates, processes
 from mrjax.simulation.follow import keep, resume
 from mrjax.simulation.pieces import Pieces
 from mrjax.simulation.progress import announce
-from mrjax.simulation.simulate import prepared
+from mrjax.simulation.simulate import plan_run
 
 ALONG = ("heights", "mean_velocity", "mean_speed", "trajectory")
 """What a run has one of for every frame, beside the times."""
@@ -98,7 +97,7 @@ def settle(
     if not each or len({state.particles for state in each}) > 1:
         raise InputError("states differ in their number of particles, or there are none")
     particles = each[0].particles
-    numbers = known(parameters)
+    numbers = drop_tracers(parameters)
     far = [estimates.ways(numbers, box, state.position) for state in each]
     way = estimates.Way(*np.max(far, axis=0))
     expectation, falling = estimates.duration(numbers, box, particles, way)
@@ -129,12 +128,12 @@ def settle(
             states=[state_file.arrays(state) for state in each],
         )
         kept.claim()  # before threads would do so at once
-    steps = estimates.TO_REST * expectation / time_step
+    steps = estimates.TIMES_FREE_FALL * expectation / time_step
     announce("settle", steps * len(each) / min(len(each), processes.usable_cores()), particles)
     tried = 0
     with interruptible() as stop:
         while True:
-            setup = prepared(
+            setup = plan_run(
                 each[0],
                 parameters,
                 box,
@@ -173,7 +172,7 @@ def _until_rest(
     parameters: Parameters,
     hindrance: Hindrance | None,
     box: Box,
-    setup: Setup,
+    setup: RunPlan,
     speeds: tuple[float, float],
     longest: float,
     progress: bool,
@@ -237,7 +236,7 @@ def _stacked(runs: list[Run]) -> Run:
             run,
             times=longest.times,
             **{name: jax.tree.map(lasting, getattr(run, name)) for name in ALONG},
-            state=replace(run.state, contacts=contact_history.widened(run.state.contacts, slots)),
+            state=replace(run.state, contacts=widened(run.state.contacts, slots)),
             time_step=longest.time_step,
             steps=longest.steps,
         )

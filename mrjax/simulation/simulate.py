@@ -17,13 +17,13 @@ from mrjax.core.interruption import interruptible
 from mrjax.core.parameters import Parameters
 from mrjax.core.run import Run
 from mrjax.core.state import State
-from mrjax.core.tracing import concrete, known, plain, where_known
+from mrjax.core.tracing import drop_tracers, evaluated_or_none, is_concrete, value_or_none
 from mrjax.dem import schedule
 from mrjax.dem.forces import contact
 from mrjax.dem.forces.contact import Laws
-from mrjax.dem.scan import Setup, attempt
+from mrjax.dem.scan import RunPlan, run_once
 from mrjax.laws import particle, time_scales
-from mrjax.laws.hindrance import BED, Hindrance, as_tree
+from mrjax.laws.hindrance import BED_FRACTION, Hindrance, as_tree
 from mrjax.simulation.failure import failure
 from mrjax.simulation.pieces import Pieces
 from mrjax.simulation.progress import watched
@@ -89,7 +89,7 @@ def simulate(
     checks.of_run(state, parameters, box)
     hindrance = as_tree(hindrance)
     prepare = partial(
-        prepared,
+        plan_run,
         state,
         parameters,
         box,
@@ -104,8 +104,8 @@ def simulate(
         trajectory=trajectory,
     )
     # A function may close over what is traced.
-    hidden = hindrance(BED) if hindrance and not jax.tree.leaves(hindrance) else None
-    if not plain((state, parameters, hindrance, hidden)):
+    hidden = hindrance(BED_FRACTION) if hindrance and not jax.tree.leaves(hindrance) else None
+    if not is_concrete((state, parameters, hindrance, hidden)):
         return _traced(state, parameters, hindrance, box, prepare())
     with interruptible() as stop:
         setup = prepare()
@@ -116,12 +116,12 @@ def simulate(
 
 
 def _traced(
-    state: State, parameters: Parameters, hindrance: Hindrance | None, box: Box, setup: Setup
+    state: State, parameters: Parameters, hindrance: Hindrance | None, box: Box, setup: RunPlan
 ) -> Run:
     """The run as one program; with more room and again, where a differentiated call needs that."""
     while True:
-        run = attempt(state, parameters, hindrance, box, setup)
-        fault = concrete(run.fault)
+        run = run_once(state, parameters, hindrance, box, setup)
+        fault = value_or_none(run.fault)
         if fault is None or not fault.any():
             return run
         faults = int(fault.flat[0])
@@ -134,10 +134,10 @@ def _traced(
 
 def _values(tree: Any) -> Any:
     """What a differentiated call carries, without what it differentiates."""
-    return jax.tree.map(lambda leaf: jnp.asarray(concrete(leaf)), tree)
+    return jax.tree.map(lambda leaf: jnp.asarray(value_or_none(leaf)), tree)
 
 
-def prepared(
+def plan_run(
     state: State,
     parameters: Parameters,
     box: Box,
@@ -152,7 +152,7 @@ def prepared(
     cell_capacity: int | None = None,
     touch: bool | None = None,
     trajectory: bool = False,
-) -> Setup:
+) -> RunPlan:
     """Refuses what cannot be run, and decides what is left open.
 
     Args:
@@ -167,10 +167,10 @@ def prepared(
     skin = checks.positive(skin, "skin", "contact diameters")
     checks.meaningful(parameters, state.particles, state.material)
     checks.in_reach(state)
-    position, velocity = concrete(state.position), concrete(state.velocity)
+    position, velocity = value_or_none(state.position), value_or_none(state.velocity)
     checks.inside_walls(position, box)
-    numbers = known(parameters)
-    radius = where_known(particle.outer_radius, numbers)
+    numbers = drop_tracers(parameters)
+    radius = evaluated_or_none(particle.outer_radius, numbers)
     diameter = schedule.contact_diameter(state, radius, slack=skin / 4)
     speed = schedule.fastest(velocity, numbers, box, duration)
     if touch is None:
@@ -183,7 +183,7 @@ def prepared(
         in_bed = numbers
         if hindrance is not None:
             with jax.ensure_compile_time_eval():
-                in_bed = numbers.replace(f_w=known(hindrance)(BED))
+                in_bed = numbers.replace(f_w=drop_tracers(hindrance)(BED_FRACTION))
         expected = in_bed, box, diameter, speed
         largest = schedule.largest_stable_step(*expected, time_scales.CLOSE_PACKED)
         hopeless = schedule.largest_stable_step(*expected, time_scales.TOUCHING_PAIR)
@@ -214,7 +214,7 @@ def prepared(
 
     # Without a contact friction is only compiled.
     laws = contact.laws(parameters) if touch else Laws(sliding=False, rolling=False, damped=False)
-    return Setup(duration, diameter / 2, plan, cuts, laws, trajectory)
+    return RunPlan(duration, diameter / 2, plan, cuts, laws, trajectory)
 
 
 def _chosen_step(numbers: Parameters, touch: bool) -> float | None:
@@ -224,9 +224,9 @@ def _chosen_step(numbers: Parameters, touch: bool) -> float | None:
       InputError: something can touch, and the parameters are traced.
     """
     if not touch:
-        rise = where_known(time_scales.rise_time, numbers)
+        rise = evaluated_or_none(time_scales.rise_time, numbers)
         return None if rise is None else float(rise) / time_scales.REFINEMENT
-    chosen = where_known(time_scales.time_step, numbers)
+    chosen = evaluated_or_none(time_scales.time_step, numbers)
     if chosen is None:
         raise InputError(
             "the parameters are traced by jit or vmap, so simulate cannot choose a step; give "

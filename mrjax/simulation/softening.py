@@ -15,9 +15,9 @@ from jax import Array
 from mrjax.core import checks
 from mrjax.core.box import Box
 from mrjax.core.errors import InputError
-from mrjax.core.numpy_evaluation import by_numpy
+from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.core.parameters import Parameters, per_particle
-from mrjax.core.tracing import known, where_known
+from mrjax.core.tracing import drop_tracers, evaluated_or_none
 from mrjax.laws import drag, particle, time_scales
 from mrjax.simulation.overlap import MOST_OVERLAP
 
@@ -63,7 +63,7 @@ def softened(parameters: Parameters, box: Box, particles: int, overlap: float) -
             f"overlap = {overlap:g} contact radii: give at most {MOST_OVERLAP}, better 0.02"
         )
     law = partial(_factor, box=box, particles=particles, overlap=overlap)
-    found = where_known(partial(by_numpy, law), known(parameters))
+    found = evaluated_or_none(partial(evaluate_with_numpy, law), drop_tracers(parameters))
     if found is None:
         raise InputError("the parameters are traced by jit or vmap; soften them outside")
     factor = float(found)
@@ -76,7 +76,9 @@ def softened(parameters: Parameters, box: Box, particles: int, overlap: float) -
         elastic_modulus=parameters.elastic_modulus * factor,
         wall_elastic_modulus=parameters.wall_elastic_modulus * factor,
     )
-    idle = where_known(partial(by_numpy, partial(_idle, overlap=overlap)), known(soft))
+    idle = evaluated_or_none(
+        partial(evaluate_with_numpy, partial(_idle, overlap=overlap)), drop_tracers(soft)
+    )
     if idle is None or not idle:
         return soft
     return soft.replace(restitution=1.0, dissipation=0.0, tangential_dissipation=0.0)

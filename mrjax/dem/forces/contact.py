@@ -15,13 +15,13 @@ from jax import Array, lax
 from jax.core import Tracer
 
 from mrjax.core.parameters import Parameters, per_particle
-from mrjax.core.tracing import concrete
+from mrjax.core.tracing import value_or_none
 from mrjax.dem import contact_history
-from mrjax.dem.contact_history import Memory
+from mrjax.dem.contact_history import PairHistory
 from mrjax.dem.pairs import Pairs
 from mrjax.kernel.operation import pairwise
 from mrjax.laws import effective, particle, rolling, tangential
-from mrjax.laws.effective import Surfaces
+from mrjax.laws.effective import PairProperties
 from mrjax.laws.normal import LEAST_DISTANCE, normal_force
 from mrjax.laws.vectors import Vector, cross, dot, plus, times
 
@@ -39,7 +39,7 @@ def laws(parameters: Parameters) -> Laws:
     """Those whose coefficient is not known to be zero, or whose derivative may be wanted."""
 
     def acts(coefficient: Array, idle: float = 0.0) -> bool:
-        return isinstance(coefficient, Tracer) or bool(np.any(concrete(coefficient) != idle))
+        return isinstance(coefficient, Tracer) or bool(np.any(value_or_none(coefficient) != idle))
 
     return Laws(
         sliding=acts(parameters.friction),
@@ -50,22 +50,22 @@ def laws(parameters: Parameters) -> Laws:
     )
 
 
-def pull(parameters: Parameters, particles: int) -> Array:
+def net_weight(parameters: Parameters, particles: int) -> Array:
     """Weight less buoyancy of every particle, N; (3, N)."""
     weight = per_particle(particle.net_weight(parameters), particles)
     return jnp.stack([jnp.zeros_like(weight), jnp.zeros_like(weight), -weight])
 
 
-class Loads(NamedTuple):
+class ContactForces(NamedTuple):
     """What its contacts do to every particle at one moment."""
 
     force: Array  # N, times the gain, (3, N)
     torque: Array  # N m, times the gain, (3, N)
-    memory: Memory
+    memory: PairHistory
     deepest: Array  # overlap of each pair so far, m; (P,)
 
 
-Law = Callable[[Array, Array, Array, Memory, Array, Array], Loads]
+Law = Callable[[Array, Array, Array, PairHistory, Array, Array], ContactForces]
 
 
 def of_contacts(
@@ -92,12 +92,14 @@ def of_contacts(
     """
     radius = particle.outer_radius(parameters)
 
-    def remembered(values: Iterator) -> Memory:
-        return Memory(*(next(values) if acts else None for acts in (laws.sliding, laws.rolling)))
+    def remembered(values: Iterator) -> PairHistory:
+        return PairHistory(
+            *(next(values) if acts else None for acts in (laws.sliding, laws.rolling))
+        )
 
     def law(listed: Pairs) -> Law:
-        kinds = effective.of_kinds(parameters, material, listed.wall is not None)
-        constants = effective.of(parameters, material, listed) if kinds is None else kinds
+        kinds = effective.per_kind(parameters, material, listed.wall is not None)
+        constants = effective.per_pair(parameters, material, listed) if kinds is None else kinds
         each = [i for i, constant in enumerate(constants) if jnp.ndim(constant)]
         same = [i for i in range(len(constants)) if i not in each]
         differing = [jnp.stack([constants[i] for i in each])] if each else []
@@ -108,14 +110,16 @@ def of_contacts(
         of_all = [*by_kind, *([jnp.stack(alike)] if alike else [])]
         separation = jnp.stack(listed.separation)
 
-        def body(own: list, common: list) -> Body:
+        def body(own: list, common: list) -> ParticleState:
             displacement, velocity, spin, *left = own
             its_radius = left.pop(0) if jnp.ndim(radius) else common[len(by_kind)][-1]
-            return Body(displacement, velocity, spin, its_radius, left[0] if left else common[-1])
+            return ParticleState(
+                displacement, velocity, spin, its_radius, left[0] if left else common[-1]
+            )
 
         def touching(first: list, second: list, pair: list, common: list) -> Array:
             mine, theirs = body(first, common), body(second, common)
-            between = apart(mine, theirs, *pair[:2])
+            between = separation_of(mine, theirs, *pair[:2])
             reach = mine.radius + jnp.where(pair[1] < 0, theirs.radius, 0.0)
             return dot(between, between) < reach**2
 
@@ -126,8 +130,8 @@ def of_contacts(
             values = dict(zip(same, common[len(by_kind)], strict=False)) if same else {}
             own = next(left, ()) if kinds is None else _of_kind(pair[1], *common[: len(by_kind)])
             values |= dict(zip(each, own, strict=True))
-            of_pair = Surfaces(*(values[i] for i in range(len(constants))))
-            meeting = _meeting(mine, theirs, *pair[:2])
+            of_pair = PairProperties(*(values[i] for i in range(len(constants))))
+            meeting = pair_kinematics(mine, theirs, *pair[:2])
             force, torques, new = _contact(meeting, of_pair, memory, laws, time_step)
             to_first, to_second = [times(mine.gains[0], force)], [times(-theirs.gains[0], force)]
             if torques:
@@ -138,7 +142,7 @@ def of_contacts(
             deepest = lax.stop_gradient(jnp.maximum(deepest, meeting.overlap))
             return to_first, to_second, [*kept, deepest]
 
-        def loads(displacement, velocity, spin, memory: Memory, deepest: Array, gains: Array):
+        def loads(displacement, velocity, spin, memory: PairHistory, deepest: Array, gains: Array):
             before = [of for of in (memory.sliding, memory.rolling) if of is not None]
             of_each = [
                 *([radius] if jnp.ndim(radius) else []),
@@ -156,7 +160,7 @@ def of_contacts(
             )
             left = iter(kept)
             turning = torque[0] if torque else jnp.zeros_like(force)
-            return Loads(force, turning, remembered(left), next(left))
+            return ContactForces(force, turning, remembered(left), next(left))
 
         return loads
 
@@ -170,7 +174,7 @@ def _of_kind(axis: Array, *kinds: tuple[Array, ...]) -> tuple[Array, ...]:
     return tuple(jnp.where(axis < 0, of, at_wall) for of, at_wall in zip(*kinds, strict=True))
 
 
-class Body(NamedTuple):
+class ParticleState(NamedTuple):
     """One of the two that meet; a wall moves nowhere."""
 
     displacement: Vector  # since the list was built
@@ -180,7 +184,7 @@ class Body(NamedTuple):
     gains: tuple[Array, Array]  # by what forces and torques are multiplied
 
 
-class Meeting(NamedTuple):
+class PairKinematics(NamedTuple):
     """The geometry and motion of the contacts at one moment; (P,) each."""
 
     overlap: Array  # d, negative where apart
@@ -194,7 +198,9 @@ class Meeting(NamedTuple):
     rolling: Vector  # spin relative to the partner's, without its part along the normal, rad/s
 
 
-def apart(mine: Body, theirs: Body, separation: Vector, axis: Array) -> Vector:
+def separation_of(
+    mine: ParticleState, theirs: ParticleState, separation: Vector, axis: Array
+) -> Vector:
     """From the partner to the particle; from a wall, at a right angle."""
     moved = plus(mine.displacement, -1.0, theirs.displacement)
     return tuple(
@@ -203,7 +209,9 @@ def apart(mine: Body, theirs: Body, separation: Vector, axis: Array) -> Vector:
     )
 
 
-def _meeting(mine: Body, theirs: Body, separation: Vector, axis: Array) -> Meeting:
+def pair_kinematics(
+    mine: ParticleState, theirs: ParticleState, separation: Vector, axis: Array
+) -> PairKinematics:
     """How two bodies meet that may touch.
 
     Centres at one place overlap by the sum of their radii, and have no normal: they push nowhere.
@@ -214,7 +222,7 @@ def _meeting(mine: Body, theirs: Body, separation: Vector, axis: Array) -> Meeti
       separation: from the second to the first when the list was built.
       axis: of a wall's normal, 0 to 2; -1 where both are particles.
     """
-    between = apart(mine, theirs, separation, axis)
+    between = separation_of(mine, theirs, separation, axis)
     square = dot(between, between)
     least = LEAST_DISTANCE * mine.radius
     distance = jnp.sqrt(jnp.where(square > 0.0, square, least**2))
@@ -228,7 +236,7 @@ def _meeting(mine: Body, theirs: Body, separation: Vector, axis: Array) -> Meeti
     along = plus(velocity, closing, normal)
     of_surfaces = plus(times(arm, mine.spin), their_arm, theirs.spin)
     relative = plus(mine.spin, -1.0, theirs.spin)
-    return Meeting(
+    return PairKinematics(
         overlap,
         arm,
         their_arm,
@@ -241,7 +249,7 @@ def _meeting(mine: Body, theirs: Body, separation: Vector, axis: Array) -> Meeti
     )
 
 
-def _time_in_contact(meeting: Meeting, time_step: float) -> Array:
+def _time_in_contact(meeting: PairKinematics, time_step: float) -> Array:
     """For how long of the last step the surfaces touched: all of it, or since they met; (P,).
 
     A spring that stretched by the slip of the whole step in which they met would be flat in the
@@ -254,8 +262,12 @@ def _time_in_contact(meeting: Meeting, time_step: float) -> Array:
 
 
 def _contact(
-    meeting: Meeting, surfaces: Surfaces, memory: Memory, laws: Laws, time_step: float
-) -> tuple[Vector, tuple[Vector, Vector] | tuple[()], Memory]:
+    meeting: PairKinematics,
+    surfaces: PairProperties,
+    memory: PairHistory,
+    laws: Laws,
+    time_step: float,
+) -> tuple[Vector, tuple[Vector, Vector] | tuple[()], PairHistory]:
     """Force on the particle of every contact, torques on both, and what the contacts remember."""
     normal = meeting.normal
     push = normal_force(
@@ -273,7 +285,11 @@ def _contact(
     turn, twist = times(time_step, meeting.turning), time_step * meeting.twisting
     touching = _time_in_contact(meeting, time_step)
     if slid is not None:
-        stretch = plus(contact_history.turned(slid, normal, turn, twist), touching, meeting.slip)
+        stretch = plus(
+            contact_history.rotate_into_tangent_plane(slid, normal, turn, twist),
+            touching,
+            meeting.slip,
+        )
         grip, slid = tangential.tangential_force(
             stretch,
             meeting.slip,
@@ -291,7 +307,11 @@ def _contact(
         lever = cross(normal, grip)
         torques = times(-meeting.arm, lever), times(-meeting.their_arm, lever)
     if rolled is not None:
-        roll = plus(contact_history.turned(rolled, normal, turn, twist), touching, meeting.rolling)
+        roll = plus(
+            contact_history.rotate_into_tangent_plane(rolled, normal, turn, twist),
+            touching,
+            meeting.rolling,
+        )
         resistance, rolled = rolling.rolling_torque(
             roll,
             meeting.rolling,
@@ -305,4 +325,4 @@ def _contact(
         )
         mine, theirs = torques or ((0.0,) * 3,) * 2
         torques = plus(mine, 1.0, resistance), plus(theirs, -1.0, resistance)
-    return force, torques, Memory(slid, rolled)
+    return force, torques, PairHistory(slid, rolled)

@@ -9,16 +9,16 @@ from llvmlite import ir
 
 from mrjax.kernel.llvm.jaxpr import FREE, INT, LONG, POINTER, TYPES, counted
 from mrjax.kernel.llvm.threads import word
-from mrjax.kernel.loop import Kind, Leaf, Loop
+from mrjax.kernel.loop import Kind, Operand, PairLoop
 
 
-def room_for_sums(outputs: tuple[Leaf, ...], particles: int) -> int:
+def room_for_sums(outputs: tuple[Operand, ...], particles: int) -> int:
     """Numbers that one part sums."""
     return sum(leaf.width * _length(leaf, particles) for leaf in _sums(outputs))
 
 
 def stages(
-    loop: Loop, body: ir.Function, parts: int, particles: int, room: int
+    loop: PairLoop, body: ir.Function, parts: int, particles: int, room: int
 ) -> list[ir.Function]:
     """Functions of the words of a job and the number of a part: its pairs, and its share of sums.
 
@@ -35,11 +35,11 @@ def stages(
     return [some.function, added.function]
 
 
-def _sums(outputs: tuple[Leaf, ...]) -> list[Leaf]:
+def _sums(outputs: tuple[Operand, ...]) -> list[Operand]:
     return [leaf for leaf in outputs if leaf.kind is not Kind.PAIR]
 
 
-def _length(leaf: Leaf, particles: int) -> int:
+def _length(leaf: Operand, particles: int) -> int:
     return particles if leaf.kind is Kind.PARTICLE else 1
 
 
@@ -48,7 +48,7 @@ class _Stage:
 
     def __init__(
         self,
-        loop: Loop,
+        loop: PairLoop,
         module: ir.Module,
         name: str,
         parts: int,

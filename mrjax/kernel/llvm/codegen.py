@@ -18,7 +18,7 @@ from mrjax.kernel.llvm import threads
 from mrjax.kernel.llvm.chunks import stages
 from mrjax.kernel.llvm.jaxpr import FREE, INT, LONG, POINTER, TYPES, counted, translated
 from mrjax.kernel.llvm.xla_ffi import NULL, Frame
-from mrjax.kernel.loop import Kind, Leaf, Loop, Place, places
+from mrjax.kernel.loop import Kind, Operand, PairLoop, Slot, slots
 
 VECTOR, LINEAR = 32, 64
 """Bytes of a vector in which pairs are taken together: four in double precision, and eight in loops
@@ -32,7 +32,7 @@ _engines: dict[str, binding.ExecutionEngine] = {}  # each owns the code of a nam
 _lock = Lock()
 
 
-def _lanes(loop: Loop) -> int:
+def _lanes(loop: PairLoop) -> int:
     """How many pairs are taken together."""
     return loop.lanes(LINEAR if loop.linear else VECTOR)
 
@@ -43,7 +43,7 @@ def parts(room: int) -> int:
 
 
 @cache
-def registered(loop: Loop, particles: int, room: int) -> str:
+def registered(loop: PairLoop, particles: int, room: int) -> str:
     """The name under which XLA finds the compiled loop: the same in every process.
 
     In parts it has one result more, of `chunks.room_for_sums` for each, which means nothing.
@@ -89,7 +89,7 @@ def _compiled(source: str) -> binding.ExecutionEngine:
     return engine
 
 
-def _module(loop: Loop, particles: int, room: int) -> ir.Module:
+def _module(loop: PairLoop, particles: int, room: int) -> ir.Module:
     """The law for some pairs, the loop over all or a part, and the handler that XLA calls."""
     module = ir.Module("pairs")
     operands = 3 + len(loop.inputs)
@@ -134,7 +134,7 @@ class _Body:
     """Code that reads and writes the arrays of a call, in a function that is given them."""
 
     def __init__(
-        self, loop: Loop, function: ir.Function, particles: ir.Constant, room: ir.Constant
+        self, loop: PairLoop, function: ir.Function, particles: ir.Constant, room: ir.Constant
     ):
         self.loop, self.arguments = loop, function.args[: 3 + len(loop.inputs + loop.outputs)]
         self.particles, self.room = particles, room
@@ -170,7 +170,7 @@ class _Body:
         found, met = (build.alloca(LONG, size) for size in (lanes, 1))
         build.store(LONG(0), met)
         nothing = ir.VectorType(TYPES[loop.outputs[0].dtype], lanes)(None)
-        over_all = [place for place in places(loop.outputs) if self.over_all(place)]
+        over_all = [place for place in slots(loop.outputs) if self.over_all(place)]
         sums = build.alloca(nothing.type, max(1, len(over_all)))
         for number in range(len(over_all)):
             build.store(nothing, self.sum(sums, number, nothing.type))
@@ -186,7 +186,7 @@ class _Body:
                         build.call(law, [*self.arguments, found, more, sums])
                         build.store(LONG(0), met)
                 with apart:
-                    for place in places(loop.outputs):
+                    for place in slots(loop.outputs):
                         leaf = loop.outputs[place[0]]
                         if leaf.kind is Kind.PAIR and place[0] not in lasting:
                             at = self.place(self.outputs[place[0]], leaf, place[1], pair)
@@ -230,7 +230,7 @@ class _Body:
             return whole
 
         values = translated(build, loop.law, read, lanes)
-        results = list(zip(places(loop.outputs), values, strict=True))
+        results = list(zip(slots(loop.outputs), values, strict=True))
         new = self.below(count, lanes)
         for number, whole in enumerate(value for at, value in results if self.over_all(at)):
             at = self.sum(sums, number, whole.type)
@@ -249,7 +249,7 @@ class _Body:
                             self.add(place, at, build.extract_element(value, INT(lane)))
         build.ret_void()
 
-    def over_all(self, place: Place) -> bool:
+    def over_all(self, place: Slot) -> bool:
         return self.loop.outputs[place[0]].kind is Kind.ALL
 
     def sum(self, sums: ir.Value, number: int, of: ir.Type) -> ir.Value:
@@ -263,27 +263,27 @@ class _Body:
         numbers = ir.Constant(counts.type, [LONG(lane) for lane in range(lanes)])
         return self.build.icmp_signed("<", numbers, counts)
 
-    def target(self, place: Place, pair: ir.Value, reader: "_Reader") -> ir.Value:
+    def target(self, place: Slot, pair: ir.Value, reader: "_Reader") -> ir.Value:
         n, row, of_second = place
         leaf = self.loop.outputs[n]
         particle = reader.second if of_second else reader.first
         index = pair if leaf.kind is Kind.PAIR else particle
         return self.place(self.outputs[n], leaf, row, index)
 
-    def add(self, place: Place, at: ir.Value, value: ir.Value) -> None:
+    def add(self, place: Slot, at: ir.Value, value: ir.Value) -> None:
         leaf = self.loop.outputs[place[0]]
         if leaf.kind is not Kind.PAIR:
             before = self.build.load(at, typ=TYPES[leaf.dtype])
             value = self.build.fadd(before, value, flags=FREE)
         self.build.store(value, at)
 
-    def clear(self, pointer: ir.Value, leaf: Leaf, begin: ir.Value, end: ir.Value) -> None:
+    def clear(self, pointer: ir.Value, leaf: Operand, begin: ir.Value, end: ir.Value) -> None:
         for row in range(leaf.width):
             with counted(self.build, begin, end) as index:
                 place = self.place(pointer, leaf, row, index)
                 self.build.store(TYPES[leaf.dtype](0.0), place)
 
-    def place(self, pointer: ir.Value, leaf: Leaf, row: int, index: ir.Value) -> ir.Value:
+    def place(self, pointer: ir.Value, leaf: Operand, row: int, index: ir.Value) -> ir.Value:
         stride = {Kind.PARTICLE: self.particles, Kind.PAIR: self.room, Kind.ALL: LONG(1)}[leaf.kind]
         index = self.build.add(self.build.mul(LONG(row), stride), index)
         return self.build.gep(pointer, [index], source_etype=TYPES[leaf.dtype])
@@ -302,7 +302,7 @@ class _Reader:
         self.first, self.second = end(body.first), end(body.second)
         self.wall = build.icmp_signed(">=", self.second, body.particles)
         self.inside = build.select(self.wall, LONG(0), self.second)
-        self.places = places(body.loop.inputs)
+        self.places = slots(body.loop.inputs)
         self.known: dict[int, ir.Value] = {}
 
     def type_of(self, scalar: int) -> ir.Type:

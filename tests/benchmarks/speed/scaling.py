@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from mrjax.dem import engine
-from mrjax.dem.scan import Setup
+from mrjax.dem.scan import RunPlan
 from mrjax.dem.schedule import MOST_STEPS_BETWEEN_REBUILDS
 
 from . import memory, process, states, timing
@@ -69,7 +69,7 @@ def here(folder: str, tiles: int, work: float) -> Iterator[dict[str, float]]:
     steps = int(np.clip(work / state.particles, LEAST_STEPS, MOST_STEPS))
     more = {"kept": steps, "anew": max(2, int(REBUILDS * steps))}
 
-    def seconds(setup: Setup) -> float:
+    def seconds(setup: RunPlan) -> float:
         return timing.seconds(lambda: states.run(state, parameters, box, setup))
 
     # At rest nothing outruns a list that is kept for a whole run.
@@ -80,12 +80,12 @@ def here(folder: str, tiles: int, work: float) -> Iterator[dict[str, float]]:
         ]
         for name, first in FIRST.items()
     }
-    hurry = engine.HURRY
+    hurry = engine.SPEED_MARGIN
     for name, both in runs.items():
-        engine.HURRY = hurry if name == "kept" else ALWAYS
+        engine.SPEED_MARGIN = hurry if name == "kept" else ALWAYS
         for setup in both:
             states.run(state, parameters, box, setup)
-    engine.HURRY = hurry
+    engine.SPEED_MARGIN = hurry
     longest = runs["kept"][1]
     yield {
         "particles": state.particles,

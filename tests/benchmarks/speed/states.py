@@ -14,12 +14,12 @@ from mrjax.core.interruption import Stop
 from mrjax.core.parameters import Parameters
 from mrjax.core.run import Run
 from mrjax.core.state import State
-from mrjax.dem.scan import Setup
+from mrjax.dem.scan import RunPlan
 from mrjax.paper.dry_beds import ELASTIC_MODULUS, REST, RESTITUTION
 from mrjax.recipe.recipe import Recipe
 from mrjax.simulation.overlap import OVERLAP
 from mrjax.simulation.pieces import Pieces
-from mrjax.simulation.simulate import prepared
+from mrjax.simulation.simulate import plan_run
 
 FRICTION = 0.5
 TIME_STEP = 5e-8
@@ -51,9 +51,9 @@ def dry() -> Parameters:
     )
 
 
-def dry_run(state: State, box: Box, steps: int, rebuild_every: int | None = None) -> Setup:
+def dry_run(state: State, box: Box, steps: int, rebuild_every: int | None = None) -> RunPlan:
     """So many steps of the particles in a vacuum, in one frame."""
-    return prepared(
+    return plan_run(
         state,
         dry(),
         box,
@@ -65,7 +65,7 @@ def dry_run(state: State, box: Box, steps: int, rebuild_every: int | None = None
     )
 
 
-def run(state: State, parameters: Parameters, box: Box, setup: Setup) -> Run:
+def run(state: State, parameters: Parameters, box: Box, setup: RunPlan) -> Run:
     """A run as `mrjax.simulate` makes it, with all decided."""
     whole = Pieces(state, parameters, None, box, setup, stop=Stop())
     whole.go_on(setup.cuts.frames)

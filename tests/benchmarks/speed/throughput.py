@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from mrjax.core.run import Run
-from mrjax.dem.scan import Setup
+from mrjax.dem.scan import RunPlan
 
 from . import liggghts, process, states, timing
 from .process import Process
@@ -90,13 +90,13 @@ def here(
     state, box = states.load(Path(folder), phase, tiles, dtype)
     parameters = states.dry()
 
-    def until(step: int) -> tuple[Setup, Run]:
+    def until(step: int) -> tuple[RunPlan, Run]:
         setup = states.dry_run(state, box, step)
         return setup, states.run(state, parameters, box, setup)
 
     (shorter, _), (longer, run) = until(warm), until(warm + steps)
 
-    def seconds(setup: Setup) -> float:
+    def seconds(setup: RunPlan) -> float:
         return timing.seconds(lambda: states.run(state, parameters, box, setup))
 
     yield {
