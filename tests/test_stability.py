@@ -66,7 +66,7 @@ def _listed(position, radius, skin, *, plan, box):
 @partial(jax.jit, static_argnames=("sliding", "calls"))
 def found_by_iteration(listed, overlap, radius, parameters, *, sliding, calls):
     """Rates of `calls` beds in a row, all the same; (calls,)."""
-    constants = effective.per_pair(parameters, None, listed)
+    constants = effective.per_pair(parameters, None, *listed.surfaces)
     kicks = integrator.kick(parameters, 1.0), integrator.spin_kick(parameters, 1.0)
 
     def again(swing, _):

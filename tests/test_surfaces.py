@@ -69,12 +69,14 @@ OF_LIKE = [2.0, 3 / 9, 0.5, 1.5, 2.0, *TABLE_VALUES]
 
 
 def test_like_particles_share_one_number():
-    assert numbers(effective.per_pair(BALL, None, listed([0, 1], [1, 2]))) == near(OF_LIKE)
+    assert numbers(effective.per_pair(BALL, None, *listed([0, 1], [1, 2]).surfaces)) == near(
+        OF_LIKE
+    )
 
 
 def test_a_wall_is_of_its_own_material_and_infinite():
     # Of two particles: with each other, and with the lower end of x and the upper of z.
-    found = effective.per_pair(BALL, None, listed([0, 0, 1], [1, 2, 7], particles=2))
+    found = effective.per_pair(BALL, None, *listed([0, 0, 1], [1, 2, 7], particles=2).surfaces)
     # 1/E* = 0.75/3 + (1 - 1/16)/4, 1/G* = 1.5 + 1.09375; 1 m, 3 kg, 1 + 3 kg m^2.
     at_wall = [1 / 0.484375, 1 / 2.59375, 1.0, 3.0, 4.0, *TABLE_VALUES]
     assert numbers(found, 0) == near(OF_LIKE)
@@ -95,7 +97,7 @@ FIRST, SECOND = [0, 0, 1, 1, 2, 2], [1, 2, 0, 2, 0, 1]
 def test_unlike_particles_have_one_for_each_contact(walled):
     walls = [(one, 3 + end) for one in range(3) for end in range(6)] if walled else []
     first, second = np.transpose([*zip(FIRST, SECOND, strict=True), *walls])
-    found = effective.per_pair(UNLIKE, None, listed(first, second, 3 if walled else None))
+    found = effective.per_pair(UNLIKE, None, *listed(first, second, 3 if walled else None).surfaces)
     radius, mass, moment = (
         np.asarray(of(UNLIKE))
         for of in (particle.outer_radius, particle.inertia, particle.moment_of_inertia)
@@ -121,12 +123,12 @@ def test_two_by_two_tables_are_of_particles_and_walls():
     tabled = BALL.replace(
         friction=jnp.array([[0.1, 0.2], [0.2, 9.0]]), restitution=jnp.array([[0.9, 0.7], [0.7, 1]])
     )
-    found = effective.per_pair(tabled, None, listed([1, 0, 2], [2, 4, 8], particles=3))
+    found = effective.per_pair(tabled, None, *listed([1, 0, 2], [2, 4, 8], particles=3).surfaces)
     np.testing.assert_array_equal(found.friction, [0.1, 0.2, 0.2])
     for place, restitution in enumerate((0.9, 0.7, 0.7)):
         assert float(found.damping[place]) == near(float(normal.damping_ratio(restitution)))
     np.testing.assert_array_equal(
-        effective.per_pair(tabled, None, listed([1], [2])).friction, [0.1]
+        effective.per_pair(tabled, None, *listed([1], [2]).surfaces).friction, [0.1]
     )
 
 
@@ -134,9 +136,9 @@ def test_tables_are_read_by_both_materials():
     value = jnp.array([[0.1, 0.2, 0.3], [0.2, 0.4, 0.5], [0.3, 0.5, 9.0]])
     tabled, material = BALL.replace(rolling_damping=value), jnp.array([1, 0, 1])
     for particles in (None, 3):
-        between = effective.per_pair(tabled, material, listed(FIRST, SECOND, particles))
+        between = effective.per_pair(tabled, material, *listed(FIRST, SECOND, particles).surfaces)
         np.testing.assert_array_equal(between.rolling_damping, [0.2, 0.4, 0.2, 0.2, 0.4, 0.2])
-    at_wall = effective.per_pair(tabled, material, listed([0, 1, 2], [3, 6, 8], 3))
+    at_wall = effective.per_pair(tabled, material, *listed([0, 1, 2], [3, 6, 8], 3).surfaces)
     np.testing.assert_array_equal(at_wall.rolling_damping, [0.5, 0.3, 0.5])
 
 
@@ -291,7 +293,7 @@ def test_like_particles_differ_by_kind_of_contact_only():
     tables = {name: np.array([[0.1, 0.7], [0.7, np.nan]]) for name in ("friction", "dissipation")}
     for ball in (BALL, BALL.replace(**tables)):
         kinds = effective.per_kind(ball, None, walled=True)
-        pairs = effective.per_pair(ball, None, listed([0, 1], [1, 7], particles=2))
+        pairs = effective.per_pair(ball, None, *listed([0, 1], [1, 7], particles=2).surfaces)
         for kind in (0, 1):
             assert numbers(kinds, kind) == numbers(pairs, kind)
         alone = effective.per_kind(ball, None, walled=False)

@@ -99,7 +99,7 @@ def normal_forces(state: State, parameters: Parameters, box: Box) -> ContactList
     of_second = np.concatenate([velocity, walls])[np.asarray(listed.second)]
     distance = np.sqrt((separation**2).sum(axis=1))
     towards = (separation * (velocity[np.asarray(listed.first)] - of_second)).sum(axis=1)
-    constants = effective.per_pair(reduced, state.material, listed)
+    constants = effective.per_pair(reduced, state.material, *listed.surfaces)
     force = normal.normal_force(
         found.deepest,
         jnp.asarray(-towards / np.where(distance > 0.0, distance, 1.0)),

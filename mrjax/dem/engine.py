@@ -177,7 +177,7 @@ class Engine:
         travelled = integrator.drifted(half_way, velocity, -0.5)
         outran = (2.0 * jnp.sqrt(jnp.max(farthest)) > self.skin_left) & (self.particles > 1)
         fault = motion.fault | jnp.where(outran, int(Fault.OUTRAN_LIST), 0)
-        constants = effective.per_pair(self.parameters, self.material, listed)
+        constants = effective.per_pair(self.parameters, self.material, *listed.surfaces)
         kicks = self._kicks(origin + travelled)
         bed = (motion.swing, listed, constants, deepest, self.radius, *kicks)
         swing = stability.swing(*lax.stop_gradient(bed), sliding=self.laws.sliding)

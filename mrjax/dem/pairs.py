@@ -46,6 +46,11 @@ class Pairs:
         particles = self.places.shape[1]
         return jnp.where(self.second < particles, -1, (self.second - particles) // 2)
 
+    @property
+    def surfaces(self) -> tuple[Array, Array, Array | None]:
+        """First, second and whether that is a wall, (P,) each; None in a box without walls."""
+        return self.first, self.second, self.wall
+
     def summed(self, of_first: Array, of_second: Array) -> Array:
         """The sum over the pairs of each particle of what belongs to its side, (P,) to (N,)."""
         total = jnp.zeros(self.places.shape[1], of_first.dtype).at[self.first].add(of_first)

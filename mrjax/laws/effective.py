@@ -1,6 +1,6 @@
 """What two surfaces in contact have in common: Eqs. 5, 6 and 8, and tables by material."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -8,7 +8,6 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from mrjax.core.parameters import Parameters
-from mrjax.dem.pairs import Pairs
 from mrjax.laws import normal, particle, rolling, tangential
 
 
@@ -28,39 +27,23 @@ class PairProperties(NamedTuple):
     rolling_damping: Array  # h_r
 
 
-def per_pair(parameters: Parameters, material: Array | None, listed: Pairs) -> PairProperties:
-    """Constants of the listed contacts; a wall is of infinite radius and mass.
-
-    Args:
-      parameters: of the run.
-      material: index of each particle, (N,); None where all are of one.
-      listed: who meets whom.
-    """
-    return _between(parameters, material, listed.first, listed.second, listed.wall)
-
-
-def per_kind(parameters: Parameters, material: Array | None, walled: bool) -> PairProperties | None:
-    """Constants of a contact of two particles and, in a box with walls, of one with a wall.
-
-    Of shape (1,) or (2,), () where all are equal; None where particles differ, and so do the
-    contacts of one kind.
-    """
-    radius, mass = particle.outer_radius(parameters), particle.inertia(parameters)
-    of_each = radius, mass, parameters.elastic_modulus, parameters.poisson_ratio
-    if material is not None or any(jnp.ndim(leaf) for leaf in of_each):
-        return None
-    anyone = jnp.zeros(1 + walled, jnp.int32)
-    wall = np.array([False, True]) if walled else None
-    return _between(parameters, None, anyone, anyone, wall)
-
-
-def _between(
+def per_pair(
     parameters: Parameters,
     material: Array | None,
     first: ArrayLike,
     second: ArrayLike,
     wall: ArrayLike | None,
 ) -> PairProperties:
+    """Properties of the contacts between these surfaces; a wall is of infinite radius and mass.
+
+    Args:
+      parameters: of the run.
+      material: index of each particle, (N,); None where all are of one.
+      first: ids of particles, (P,).
+      second: ids of their partners, particles or walls, (P,).
+      wall: whether the second is a wall, (P,); None in a box without.
+    """
+
     def sides(leaf: Array, of_wall: Array | None = None) -> tuple[Array, Array]:
         # A wall's id is beyond the last particle's, which is read in its place.
         mine, theirs = (leaf, leaf) if jnp.ndim(leaf) == 0 else (leaf[first], leaf[second])
@@ -102,3 +85,23 @@ def _between(
         table(parameters.rolling_friction),
         table(parameters.rolling_damping),
     )
+
+
+def per_kind(parameters: Parameters, material: Array | None, walled: bool) -> PairProperties | None:
+    """Constants of a contact of two particles and, in a box with walls, of one with a wall.
+
+    Of shape (1,) or (2,), () where all are equal; None where particles differ, and so do the
+    contacts of one kind.
+    """
+    radius, mass = particle.outer_radius(parameters), particle.inertia(parameters)
+    of_each = radius, mass, parameters.elastic_modulus, parameters.poisson_ratio
+    if material is not None or any(jnp.ndim(leaf) for leaf in of_each):
+        return None
+    anyone = jnp.zeros(1 + walled, jnp.int32)
+    wall = np.array([False, True]) if walled else None
+    return per_pair(parameters, None, anyone, anyone, wall)
+
+
+def of(parameters: Parameters, material: Array | None, listed: Any) -> PairProperties:
+    """`per_pair` by its name of before, for what has `first`, `second` and `wall`."""
+    return per_pair(parameters, material, listed.first, listed.second, listed.wall)

@@ -99,7 +99,9 @@ def of_contacts(
 
     def law(listed: Pairs) -> Law:
         kinds = effective.per_kind(parameters, material, listed.wall is not None)
-        constants = effective.per_pair(parameters, material, listed) if kinds is None else kinds
+        constants = (
+            effective.per_pair(parameters, material, *listed.surfaces) if kinds is None else kinds
+        )
         each = [i for i, constant in enumerate(constants) if jnp.ndim(constant)]
         same = [i for i in range(len(constants)) if i not in each]
         differing = [jnp.stack([constants[i] for i in each])] if each else []
