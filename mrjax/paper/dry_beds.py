@@ -15,7 +15,7 @@ from mrjax.recipe.recipe import Recipe
 INFERRED_FRICTION = 0.2
 """Not given by the paper: inferred, as one coefficient whose beds between walls have the printed
 final ratios of both samples within 1.2 points, by the top of the highest particle; 0.3 does as well
-(six starts each, `tests/settling/README.md`)."""
+(six starts each, `tests/studies/settling/README.md`)."""
 
 ELASTIC_MODULUS = 1e7
 """Of particles and walls, Pa: the deepest impact is then 0.3 % of a radius."""

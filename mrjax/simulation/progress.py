@@ -17,7 +17,7 @@ def expected_seconds(steps: float, particles: int) -> float:
     """How long steps take on one core of a processor of 2024, about, s.
 
     A step costs 2 us and 80 ns a particle in a bed; a suspension takes half of it
-    (`python -m tests.benchmarks.speed`).
+    (`python -m tests.studies.benchmarks.speed`).
     """
     return steps * (2e-6 + 8e-8 * particles)
 

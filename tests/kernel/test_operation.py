@@ -1,0 +1,923 @@
+"""Laws summed over pairs: the compiled loop and its derivatives against gathers and scatters."""
+
+import importlib
+import os
+import re
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import cache, partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jax.extend.core import Primitive
+from jax.interpreters import ad, batching, mlir, partial_eval
+
+import mrjax
+from mrjax.dem import engine, neighbours, pairs
+from mrjax.dem.contact_history import PairHistory
+from mrjax.dem.forces import contact
+from mrjax.dem.pairs import Pairs
+from mrjax.kernel.llvm import codegen
+from mrjax.kernel.operation import pairwise
+from mrjax.simulation import pieces
+from tests.builders import ROOT
+
+operation = importlib.import_module("mrjax.kernel.operation")
+
+BOTH = ("float64", "float32")
+
+
+@contextmanager
+def standing_in(primitive, with_change=None):
+    """Every loop that is met meanwhile goes to another primitive, also beside its change."""
+    kept = operation.pairwise_p, operation.with_change_p
+    operation.pairwise_p, operation.with_change_p = primitive, with_change
+    try:
+        yield
+    finally:
+        operation.pairwise_p, operation.with_change_p = kept
+
+
+class Arrays:
+    """Gathers and scatters in place of a loop, with the derivatives that JAX gives them."""
+
+    @staticmethod
+    def bind(*operands, loop):
+        return loop.in_arrays(*operands)
+
+
+def by_arrays(function):
+    """The same function without loops: its derivatives owe nothing to those of a loop."""
+
+    def evaluated(*arguments):
+        with standing_in(Arrays):
+            return function(*arguments)
+
+    return evaluated
+
+
+def not_compiled(name, shapes, by_arrays, jvp, batched) -> Primitive:
+    """An operation of gathers and scatters on every platform."""
+    primitive = Primitive(name)
+    primitive.multiple_results = True
+    primitive.def_abstract_eval(shapes)
+    ad.primitive_jvps[primitive] = jvp
+    batching.primitive_batchers[primitive] = batched
+    mlir.register_lowering(primitive, mlir.lower_fun(by_arrays, multiple_results=True))
+    return primitive
+
+
+elsewhere = not_compiled(
+    "pairwise_elsewhere", operation._shapes, Arrays.bind, operation._jvp, operation._batched
+)
+ad.primitive_transposes[elsewhere] = operation._transpose
+both_elsewhere = not_compiled(
+    "both_elsewhere",
+    operation._both_shapes,
+    operation._both_in_arrays,
+    operation._both_jvp,
+    operation._both_batched,
+)
+partial_eval.custom_partial_eval_rules[both_elsewhere] = operation._both_split
+
+
+def on_another_processor(function):
+    """The same function, a derivative maybe, with the loops it has, but none of them compiled."""
+
+    def evaluated(*arguments):
+        with standing_in(elsewhere, both_elsewhere):
+            return jax.jit(lambda *of: function(*of))(*arguments)
+
+    return evaluated
+
+
+def check(found, expected, roundings=1000):
+    """Compares trees of arrays, to roundings of the largest number of each.
+
+    Both do the same operations, but contract some, and add what a particle gets in another order.
+    Differences that cancel, as an overlap of 0.02 between spheres of radius 1, and the quotients
+    of derivatives make ten to a hundred of one rounding.
+    """
+    found, expected = jax.tree.leaves(found), jax.tree.leaves(expected)
+    for one, other in zip(found, expected, strict=True):
+        assert one.shape == other.shape and one.dtype == other.dtype
+        assert np.isfinite(other).all()
+        allowed = roundings * np.finfo(other.dtype).eps * np.abs(other).max(initial=0.0)
+        np.testing.assert_allclose(one, other, rtol=0, atol=allowed)
+
+
+def made(first, second, separation, particles: int, room: int) -> Pairs:
+    """A list by hand, the rest of its places filled with what must not be read as pairs."""
+    spare = room - len(first)
+    assert spare >= 0
+    return Pairs(
+        jnp.asarray([*first, *[0] * spare], jnp.int32),
+        jnp.asarray([*second, *[1] * spare], jnp.int32),
+        jnp.arange(room) < len(first),
+        jnp.asarray([*second, *[1] * spare]) >= particles,
+        tuple(jnp.pad(part, (0, spare), constant_values=0.1) for part in jnp.asarray(separation).T),
+        jnp.zeros((1, particles), jnp.int32),
+        jnp.zeros((), jnp.int32),
+    )
+
+
+# --- the law of contacts --------------------------------------------------------------------------
+
+PARTICLES = 5
+ROUGH = mrjax.Parameters(
+    radius=1.0,
+    particle_density=0.3,
+    fluid_density=0.1,
+    viscosity=0.1,
+    gravity=0.5,
+    elastic_modulus=30.0,
+    poisson_ratio=0.3,
+    friction=0.4,
+    rolling_friction=0.1,
+    rolling_damping=0.3,
+    restitution=0.6,
+    dissipation=0.02,
+    tangential_dissipation=0.03,
+)
+ALL = contact.Laws(sliding=True, rolling=True, damped=True)
+EVERY_LAW = [
+    contact.Laws(sliding, rolling, damped)
+    for sliding in (False, True)
+    for rolling in (False, True)
+    for damped in (False, True)
+]
+
+
+def meeting(touches, laws=ALL, dtype="float64", seed=0, spare=3, mixed=False):
+    """Pairs that touch or not, as told, each by 0.02 to 0.1, and their motion.
+
+    Few particles, each in many pairs, every third of them with a wall.
+
+    Returns:
+      The law, of a list, what moves and the parameters; and these.
+    """
+    random = np.random.default_rng(seed)
+    parameters = ROUGH.astype(dtype)
+    if mixed:
+        table = random.uniform(0.2, 0.6, (3, 3))
+        table = jnp.asarray(table + table.T, dtype) / 2
+        radius = jnp.asarray(random.uniform(0.7, 1.0, PARTICLES), dtype)
+        parameters = parameters.replace(radius=radius, friction=table, restitution=table)
+    radius = np.broadcast_to(np.asarray(parameters.radius, float), PARTICLES)
+    first, second, separation = [], [], np.zeros((len(touches), 3))
+    for number, touching in enumerate(touches):
+        one, other = random.choice(PARTICLES, 2, replace=False)
+        gap = random.uniform(0.02, 0.1) * (-1 if touching else 1)
+        if number % 3 == 2:
+            axis, end = random.integers(3), random.integers(2)
+            other = PARTICLES + 2 * axis + end
+            separation[number, axis] = (radius[one] + gap) * (1 - 2 * end)
+        else:
+            vector = random.normal(size=3)
+            vector *= (radius[one] + radius[other] + gap) / np.linalg.norm(vector)
+            separation[number] = vector
+        first.append(one)
+        second.append(other)
+    room = len(touches) + spare
+    listed = made(first, second, np.asarray(separation, dtype), PARTICLES, room)
+
+    def array(size: float, *shape: int):
+        return jnp.asarray(size * random.uniform(-1.0, 1.0, shape), dtype)
+
+    memory = PairHistory(
+        *(array(0.02, 3, room) if acts else None for acts in (laws.sliding, laws.rolling))
+    )
+    of_each = 3, PARTICLES
+    # What has been travelled makes no gap an overlap, and no overlap one less deep than any before:
+    # 0.02 > 2 sqrt(3) 0.005 + 0.002.
+    before = jnp.abs(array(0.002, room))
+    gains = 1.5 + (array(0.5, 2, PARTICLES) if mixed else array(0.5, 2))
+    moving = (
+        array(0.005, *of_each),
+        array(1.0, *of_each),
+        array(1.0, *of_each),
+        memory,
+        before,
+        gains,
+    )
+    return law_of(laws, mixed), listed, moving, parameters
+
+
+@cache
+def law_of(laws, mixed):
+    material = jnp.array([0, 1, 0, 1, 1], jnp.int32) if mixed else None
+
+    def loads(listed, moving, parameters):
+        law = contact.of_contacts(parameters, laws=laws, material=material, time_step=0.01)
+        return law(listed)(*moving)
+
+    return loads
+
+
+@cache
+def both_ways(function):
+    """Compiled."""
+    return jax.jit(function), jax.jit(by_arrays(function))
+
+
+def compare(case):
+    """What a case gives, as it gives it by gathers and scatters too."""
+    function, *given = case
+    compiled, arrays = both_ways(function)
+    found, expected = compiled(*given), arrays(*given)
+    check(found, expected)
+    return found
+
+
+@pytest.mark.parametrize(
+    "laws, mixed, dtype",
+    [
+        *((laws, False, "float64") for laws in EVERY_LAW),
+        *((ALL, mixed, dtype) for mixed, dtype in [(True, "float64"), (False, "float32")]),
+        (ALL, True, "float32"),
+        (EVERY_LAW[0], True, "float32"),
+    ],
+    ids=str,
+)
+def test_contacts_are_what_gathers_and_scatters_give(laws, mixed, dtype):
+    touches = np.random.default_rng(1).uniform(size=40) < 0.6
+    case = meeting(touches, laws, dtype, seed=2, mixed=mixed)
+    found = compare(case)
+    assert np.abs(found.force).max() > 0.1
+    *_, before, _ = case[2]
+    np.testing.assert_array_equal((found.deepest > before)[:40], touches)
+    assert found.torque.any() == (laws.sliding or laws.rolling)
+
+
+MOST = 12
+TAILS = [
+    *([True] * k + [False] * 2 for k in (0, 1, 2, 3, 4, 5, 7, 8, 9, 10)),
+    [False, True, False, False, True, True, False, True, True, False, True, True],
+    [],
+]
+
+
+@pytest.mark.parametrize("dtype", BOTH)
+@pytest.mark.parametrize("touches", TAILS, ids=lambda of: "".join(".x"[each] for each in of))
+def test_any_number_of_pairs_that_touch(touches, dtype):
+    """Vectors that are full, begun or empty; room for more pairs, or for none."""
+    case = meeting(touches, dtype=dtype, seed=len(touches), spare=MOST - len(touches))
+    found = compare(case)
+    *_, memory, before, _ = case[2]
+    np.testing.assert_array_equal(
+        found.deepest != before, touches + [False] * (MOST - len(touches))
+    )
+    apart = ~np.array(touches, bool)
+    for name in ("sliding", "rolling"):
+        kept, had = getattr(found.memory, name), getattr(memory, name)
+        assert not kept[:, : len(touches)][:, apart].any()
+        np.testing.assert_array_equal(kept[:, len(touches) :], had[:, len(touches) :])
+    assert np.isfinite(found.force).all()
+
+
+def test_what_pairs_add_to_the_same_particle_is_not_lost():
+    """Nine pairs of the same two, so that all lanes of a vector add to the same place."""
+    listed = made([0] * 9, [1] * 9, np.ones((9, 3)), 2, 9)
+
+    def law(first, second, pair, common):
+        return [pair[0]], [2.0 * pair[0]], []
+
+    value = jnp.arange(1.0, 10.0)
+    (found,), _ = pairwise(law, lambda *of: of[2][0] > 0.0, listed, [jnp.zeros(2)], [value], [])
+    np.testing.assert_array_equal(found, [45.0, 90.0])
+
+
+@pytest.mark.slow
+def test_pairs_beyond_the_room_are_neither_read_nor_written():
+    """More pairs than places: those that are listed count, and the flag is the list's."""
+    box = mrjax.Box((10.0, 10.0, 10.0))
+    position = jnp.asarray(np.random.default_rng(3).uniform(4.0, 6.0, (8, 3)))
+    plan = neighbours.plan(box, 8, 2.0, 2.0, 0.2)
+    found = neighbours.build(plan, box, position)
+    radius = jnp.ones(8)
+
+    def law(first, second, pair, common):
+        return [1.0 + 0.0 * first[0]], [1.0 + 0.0 * first[0]], [1.0 + pair[0]]
+
+    for room in (1, 3, 5, 28):
+        listed = pairs.listed(found, box, position.T, radius, jnp.asarray(10.0), room)
+        assert int(listed.overflow) == (neighbours.PAIRS_DROPPED if room < 28 + 6 * 8 else 0)
+        (met,), (kept,) = pairwise(
+            law, lambda *of: of[2][0] == 0.0, listed, [radius], [jnp.zeros(room)], []
+        )
+        walls = int(jnp.sum(listed.second >= 8))
+        assert met.sum() == 2 * room - walls
+        np.testing.assert_array_equal(kept, np.ones(room))
+
+
+# --- derivatives ----------------------------------------------------------------------------------
+
+COUNT, PLACES = 6, 11
+NAMES = ("place", "weight", "spring", "width", "both", "one", "tally")
+
+
+def law_of_all_kinds():
+    """Of arrays with and without rows, of particles, of pairs and of all; results likewise."""
+    random = np.random.default_rng(4)
+    first = random.integers(COUNT, size=9)
+    second = np.where(np.arange(9) % 4 == 3, COUNT + 1, (first + random.integers(1, COUNT, 9)))
+    second = np.where(second > COUNT + 1, second % COUNT, second)
+    second = np.where((second >= COUNT) & (np.arange(9) % 4 != 3), second % COUNT, second)
+    listed = made(first, second, np.ones((9, 3)), COUNT, PLACES)
+
+    def law(mine, theirs, pair, common):
+        (x, m), (y, k), (spring, tally, width), (both, one) = mine, theirs, pair, common
+        apart = x[0] - y[0], x[1] - y[1]
+        distance = jnp.sqrt(1.0 + apart[0] ** 2 + apart[1] ** 2)
+        push = jnp.maximum(width, 0.1) * (m + 2.0 * k) * one / distance
+        new = spring[0] + push * apart[1] * both[0], spring[1] * one - apart[0] * both[1]
+        force = push * new[0], apart[1] / (1.0 + new[1] ** 2)
+        counted = tally * one + 0.5 * push
+        kept = [new, counted, push**2]
+        return [force, m * k * one], [(-force[0], force[1] * both[1]), push], kept
+
+    def touching(mine, theirs, pair, common):
+        return (mine[0][0] - theirs[0][0]) < 0.8
+
+    def results(place, weight, spring, width, both, one, tally):
+        of_particles, of_pairs = [place, weight], [spring, tally, width]
+        sums, kept = pairwise(
+            law, touching, listed, of_particles, of_pairs, [both, one], replaced=[0, 1], lasting=1
+        )
+        return *sums, *kept
+
+    return results
+
+
+of_all_kinds = law_of_all_kinds()
+
+
+def arguments(seed=5, dtype="float64", several=()):
+    """Of the law, those named with a leading axis of so many."""
+    random = np.random.default_rng(seed)
+    shapes = (2, COUNT), (COUNT,), (2, PLACES), (PLACES,), (2,), (), (PLACES,)
+    several = dict(several)
+    return [
+        jnp.asarray(random.uniform(0.2, 1.5, (*several.get(name, ()), *shape)), dtype)
+        for name, shape in zip(NAMES, shapes, strict=True)
+    ]
+
+
+def scalar(*given):
+    """One number of all results, in which each weighs differently."""
+    found = of_all_kinds(*given)
+    return sum(
+        jnp.sum(of**2 * jnp.linspace(1.0, 2.0, of.size, dtype=of.dtype).reshape(of.shape))
+        for of in found
+    )
+
+
+def compare_derivative(transform, function, *given, elsewhere=False, roundings=1000):
+    """The derived loops against JAX's derivative of arrays; not compiled, too, if told."""
+    expected = jax.jit(transform(by_arrays(function)))(*given)
+    found = jax.jit(transform(function))(*given)
+    check(found, expected, roundings)
+    if elsewhere:
+        check(on_another_processor(transform(function))(*given), expected)
+    return found
+
+
+EVERY = tuple(range(7))
+SOME = [(0,), (2,), (5,), (6,), (2, 3), (1, 4), EVERY]
+
+
+def along(which, several=()):
+    """Forwards, with changes of some arguments."""
+
+    def transform(function):
+        def changed(given, changes):
+            def of_some(*some):
+                full = list(given)
+                for index, value in zip(which, some, strict=True):
+                    full[index] = value
+                return function(*full)
+
+            return jax.jvp(of_some, [given[i] for i in which], changes)
+
+        return changed
+
+    return transform
+
+
+def named(which) -> str:
+    return "-".join(NAMES[i] for i in which) if isinstance(which, tuple) else str(which)
+
+
+@pytest.mark.parametrize(
+    "which, dtype", [*((which, "float64") for which in SOME), (EVERY, "float32")], ids=named
+)
+def test_forwards(which, dtype):
+    given, other = arguments(dtype=dtype), arguments(6, dtype=dtype)
+    changes = [other[i] for i in which]
+    _, found = compare_derivative(
+        along(which), of_all_kinds, given, changes, elsewhere=which == EVERY
+    )
+    assert any(of.any() for of in found)
+
+
+@pytest.mark.parametrize("which", SOME, ids=named)
+def test_backwards(which):
+    gradient = partial(jax.grad, argnums=which)
+    found = compare_derivative(gradient, scalar, *arguments(), elsewhere=which == EVERY)
+    assert all(of.any() for of in found)
+
+
+def test_backwards_from_some_results():
+    """What does not matter has no cotangent, and what no result moves has none to give."""
+    for kept in [(0,), (1,), (2,), (3,), (1, 4)]:
+
+        def some(*given, kept=kept):
+            found = of_all_kinds(*given)
+            return sum(jnp.sum(jnp.sin(found[i])) for i in kept)
+
+        compare_derivative(partial(jax.grad, argnums=EVERY), some, *arguments())
+
+
+def test_central_differences():
+    given, other = arguments(), arguments(7)
+    step = 1e-5
+
+    def beyond(by):
+        return of_all_kinds(*(a + by * b for a, b in zip(given, other, strict=True)))
+
+    _, found = jax.jvp(of_all_kinds, given, other)
+    slope = [(a - b) / (2 * step) for a, b in zip(beyond(step), beyond(-step), strict=True)]
+    for one, expected in zip(found, slope, strict=True):
+        # Third derivatives of some hundreds times step^2, and 1e-16 of some tens over the step.
+        np.testing.assert_allclose(one, expected, rtol=0, atol=1e-8 * np.abs(expected).max())
+    gradient = jax.grad(scalar, argnums=EVERY)(*given)
+    uphill = sum(jnp.sum(a * b) for a, b in zip(gradient, other, strict=True))
+    ends = [
+        scalar(*(a + by * b for a, b in zip(given, other, strict=True))) for by in (step, -step)
+    ]
+    np.testing.assert_allclose(uphill, (ends[0] - ends[1]) / (2 * step), rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "directions, several",
+    [*((number, ("place", "spring")) for number in (1, 2, 3, 4, 5, 9)), (3, ("place", "tally"))],
+)
+def test_many_directions_at_once(directions, several):
+    """As many changes of some arguments; those of others are the same in all."""
+    which, at = (0, 1, 2, 5, 6), {name: (directions,) for name in several}
+    given, other = arguments(), arguments(8, several=at.items())
+
+    def transform(function):
+        each = along(which)(function)
+        axes = [0 if NAMES[i] in several else None for i in which]
+        return jax.vmap(each, in_axes=(None, axes))
+
+    changes = [other[i] for i in which]
+    compare_derivative(transform, of_all_kinds, given, changes, elsewhere=directions in (3, 5))
+
+
+@pytest.mark.parametrize("matrix, number", [(jax.jacfwd, 4), (jax.jacfwd, 3), (jax.jacrev, 1)])
+def test_the_whole_matrix_of_derivatives(matrix, number):
+    """By columns, one direction for each number, and by rows."""
+    compare_derivative(partial(matrix, argnums=number), of_all_kinds, *arguments())
+
+
+@pytest.mark.parametrize("outer, inner", [(jax.jacfwd, jax.jacrev), (jax.jacrev, jax.jacfwd)])
+def test_second_derivatives(outer, inner):
+    def hessian(function):
+        return outer(inner(function, argnums=(4, 5)), argnums=(4, 5))
+
+    (a, b), (c, d) = compare_derivative(hessian, scalar, *arguments())
+    check((a, b), (a.T, c), roundings=1e4)
+    assert a.any() and b.any() and d.any()
+
+
+@pytest.mark.parametrize(
+    "batched, members",
+    [(NAMES, 3), (NAMES, 6), (("place",), 1), (("weight", "one"), 3), (("spring",), 2)],
+    ids=lambda of: "-".join(of) if isinstance(of, tuple) else str(of),
+)
+def test_several_at_once(batched, members):
+    at = {name: (members,) for name in batched}
+    given, axes = arguments(several=at.items()), [0 if name in at else None for name in NAMES]
+
+    def gradients(function):
+        def transformed(*given):
+            slope = jax.grad(function, argnums=EVERY)
+            return jax.vmap(slope, in_axes=axes)(*given)
+
+        return transformed
+
+    found = compare_derivative(gradients, scalar, *given)
+    assert all(of.shape[0] == members for of in found)
+
+    def gradient_of_all(function):
+        return jax.grad(lambda *given: jnp.sum(jax.vmap(function, in_axes=axes)(*given)), (0, 2, 4))
+
+    compare_derivative(gradient_of_all, scalar, *given)
+
+
+def test_axes_that_are_not_the_first():
+    given = arguments(several={name: (3,) for name in NAMES}.items())
+    last = [jnp.moveaxis(of, 0, -1) for of in given]
+    found = jax.jit(jax.vmap(of_all_kinds, in_axes=-1, out_axes=-1))(*last)
+    expected = jax.jit(jax.vmap(of_all_kinds))(*given)
+    for one, other in zip(found, expected, strict=True):
+        np.testing.assert_array_equal(jnp.moveaxis(one, -1, 0), other)
+
+
+@pytest.mark.slow
+def test_the_derivatives_of_contacts():
+    """Forwards and backwards, in all that moves and in the parameters.
+
+    Some of these are sums over contacts of what cancels but for a hundredth.
+    """
+    law, listed, moving, parameters = meeting([True] * 7 + [False] * 2, seed=9, mixed=True)
+    ones = jax.tree.map(lambda leaf: jnp.ones_like(leaf) * 0.01, (moving, parameters))
+
+    def loads(moving, parameters):
+        return law(listed, moving, parameters)
+
+    def forwards(function):
+        return lambda moving, parameters: jax.jvp(function, (moving, parameters), ones)[1]
+
+    compare_derivative(forwards, loads, moving, parameters, roundings=1e5)
+
+    def backwards(function):
+        return jax.grad(
+            lambda *of: sum(jnp.sum(leaf**2) for leaf in jax.tree.leaves(function(*of))), (0, 1)
+        )
+
+    compare_derivative(backwards, loads, moving, parameters, roundings=1e5)
+
+
+def test_what_a_change_does_not_read_is_not_kept_for_it():
+    law, listed, (displacement, velocity, *more, deepest, gains), parameters = meeting([True] * 5)
+
+    def loads(velocity):
+        return law(listed, (displacement, velocity, *more, deepest, gains), parameters).force
+
+    _, back = jax.vjp(loads, velocity)
+    kept = [leaf for leaf in jax.tree.leaves(back) if leaf.shape == deepest.shape]
+    assert any(np.array_equal(leaf, listed.first) for leaf in kept)
+    assert not any(np.array_equal(leaf, deepest) for leaf in kept)
+
+
+def test_long_vectors_are_kept_on_an_aligned_stack(monkeypatch):
+    """A stack's alignment is left out by llvmlite where a function has no other attribute."""
+    sources, compiled = [], codegen._compiled
+
+    def noted(source):
+        sources.append(source)
+        return compiled(source)
+
+    monkeypatch.setattr(codegen, "_compiled", noted)
+    # A number of places that no other test has, so that it is compiled here.
+    law, listed, (displacement, *more), parameters = meeting([True] * 5, spare=37)
+
+    def size(displacement):
+        return jnp.sum(law(listed, (displacement, *more), parameters).force ** 2)
+
+    jax.jit(jax.grad(size))(displacement)
+    wide = [source for source in sources if "<8 x double>" in source]
+    assert wide
+    for source in wide:
+        defined = [line for line in source.splitlines() if line.startswith("define internal")]
+        assert len(defined) == 2 and all("alignstack(64)" in line for line in defined)
+
+
+def test_what_nothing_moves_has_no_derivative():
+    """A scan that carries it carries no derivative of it, forwards; nor is it a loop backwards."""
+    listed = made([0, 1, 2], [1, 2, 0], np.ones((3, 3)), 3, 4)
+
+    def law(first, second, pair, common):
+        return [first[0] * pair[0]], [second[0] * pair[0]], [pair[0] ** 2]
+
+    def followed(value):
+        def step(carry, _):
+            value, greatest = carry
+            (value,), (kept,) = pairwise(
+                law, lambda *of: of[2][0] > 1.0, listed, [value], [jnp.arange(4.0)], []
+            )
+            return (value, jnp.maximum(greatest, kept)), None
+
+        return jax.lax.scan(step, (value, jnp.zeros(4)), length=3)[0]
+
+    def moved(value):
+        return jax.jvp(followed, (value,), (value,))
+
+    value = jnp.arange(1.0, 4.0)
+    (scan,) = (of for of in jax.make_jaxpr(moved)(value).jaxpr.eqns if of.primitive.name == "scan")
+    assert scan.params["num_carry"] == 3  # value, its change, and greatest
+    _, (change, nothing) = moved(value)
+    assert change.any() and not nothing.any()
+    backwards = jax.make_jaxpr(jax.grad(lambda value: jnp.sum(followed(value)[1])))(value)
+    assert str(backwards).count("pairwise") <= 1
+    # With everything stopped there is no second loop at all.
+    stopped = jax.make_jaxpr(
+        lambda value: jax.jvp(lambda of: followed(jax.lax.stop_gradient(of)), (value,), (value,))
+    )(value)
+    assert str(stopped).count("pairwise") == 1
+
+
+# --- a loop beside its change ---------------------------------------------------------------------
+
+
+def followed(wrapped=lambda step: step):
+    """A number after three steps of a scan, each of them wrapped."""
+
+    def after(place, weight):
+        others = arguments()[2:]
+
+        @wrapped
+        def step(place, weight):
+            force, *_ = of_all_kinds(place, weight, *others)
+            return place + 0.1 * force * weight[None], jnp.cos(weight)
+
+        def carried(carry, _):
+            return step(*carry), None
+
+        (place, weight), _ = jax.lax.scan(carried, (place, weight), length=3)
+        return jnp.sum(place**2) + jnp.sum(weight)
+
+    return after
+
+
+def only_sometimes(step):
+    def either(place, weight):
+        return jax.lax.cond(jnp.sum(weight) > 0.0, step, lambda *of: of, place, weight)
+
+    return either
+
+
+WRAPPED = {
+    "plain": followed(),
+    "jit": followed(jax.jit),
+    "checkpoint": followed(jax.checkpoint),
+    "kept": followed(partial(jax.checkpoint, policy=jax.checkpoint_policies.everything_saveable)),
+    "cond": followed(only_sometimes),
+    # A new one each time: it remembers what it has traced, gathers and scatters too.
+    "outside": lambda *given: jax.checkpoint(followed())(*given),
+    "twice": lambda *given: jax.checkpoint(followed(jax.checkpoint))(*given),
+}
+BOTH_ARGUMENTS = (0, 1)
+
+
+@pytest.mark.parametrize("name", WRAPPED)
+def test_one_loop_forwards_and_two_backwards(name):
+    """What is known and what is linear in changes fall apart wherever reverse mode meets them."""
+    given = arguments()[:2]
+
+    def along_both(function):
+        return lambda *given: jax.jvp(function, given, given)
+
+    def gradient(function):
+        return jax.grad(function, BOTH_ARGUMENTS)
+
+    def along_three(function):
+        each = along(BOTH_ARGUMENTS)(function)
+        changes = [jnp.stack([of, -of, 2.0 * of]) for of in given]
+        return lambda *given: jax.vmap(each, (None, 0))(given, changes)
+
+    for transform, loops in ((along_both, 1), (along_three, 1), (gradient, 2)):
+        compare_derivative(transform, WRAPPED[name], *given)
+        assert len(set(names_of_loops(transform(WRAPPED[name]), *given))) == loops
+    backwards = str(jax.make_jaxpr(gradient(WRAPPED[name]))(*given))
+    assert "pairwise[" in backwards and "pairwise_with_change" not in backwards
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["plain", *(pytest.param(name, marks=pytest.mark.slow) for name in ("checkpoint", "outside"))],
+)
+def test_derivatives_of_derivatives_in_a_scan(name):
+    """Forwards over backwards, backwards over forwards, and both of several at once."""
+    place, weight = arguments()[:2]
+
+    def slope(function):
+        return lambda *given: jax.jvp(function, given, given)[1]
+
+    def changed(function):
+        return slope(lambda *of: jnp.sum(jax.grad(function)(*of) ** 2))
+
+    def of_changes(function):
+        return jax.grad(slope(function), BOTH_ARGUMENTS)
+
+    for transform in (changed, of_changes):
+        compare_derivative(transform, WRAPPED[name], place, weight, roundings=1e4)
+    several = jnp.stack([place, 0.9 * place, 1.1 * place])
+    for transform in (slope, of_changes):
+        compare_derivative(
+            lambda function, of=transform: jax.vmap(of(function), (0, None)),
+            WRAPPED[name],
+            several,
+            weight,
+            roundings=1e4,
+        )
+
+
+def test_the_change_alone_can_be_transposed():
+    given = arguments()
+
+    def pulled(function):
+        def back(*given):
+            def pushed(change):
+                return jax.jvp(lambda place: function(place, *given[1:]), given[:1], (change,))[1]
+
+            (found,) = jax.linear_transpose(pushed, given[0])(1.0)
+            return found
+
+        return back
+
+    compare_derivative(pulled, scalar, *given)
+
+
+# --- the compiled loop ----------------------------------------------------------------------------
+
+
+def names_of_loops(function, *given, platform="cpu") -> list[str]:
+    lowered = jax.jit(function).trace(*given).lower(lowering_platforms=(platform,))
+    return re.findall(r"mrjax_[0-9a-f]{32}", lowered.as_text())
+
+
+def test_other_platforms_have_no_custom_call():
+    gradient = jax.grad(scalar, EVERY)
+    assert len(names_of_loops(scalar, *arguments())) == 1
+    assert len(set(names_of_loops(gradient, *arguments()))) == 2
+    for platform in ("cuda", "tpu"):
+        for function in (scalar, gradient):
+            assert not names_of_loops(
+                lambda *of, f=function: f(*of), *arguments(), platform=platform
+            )
+
+
+SHOWN = """
+import sys
+sys.path.insert(0, sys.argv[1])
+import jax
+jax.config.update("jax_enable_x64", True)
+from tests.kernel import test_operation as tests
+if sys.argv[2] == "late":  # another has been named before
+    tests.names_of_loops(tests.scalar, *tests.arguments(dtype="float32"))
+law, *given = tests.meeting([True, False, True], mixed=True)
+print(*tests.names_of_loops(law, *given))
+print(*tests.names_of_loops(jax.grad(tests.scalar, tests.EVERY), *tests.arguments()))
+"""
+
+
+def test_loops_have_the_same_names_in_every_process():
+    """Programs are kept between processes, and know their loops by name."""
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-c", SHOWN, ROOT, when],
+            env=os.environ | {"PYTHONHASHSEED": seed},
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for when, seed in (("early", "1"), ("late", "2"))
+    ]
+    one, other = (process.communicate()[0].split() for process in processes)
+    assert all(process.returncode == 0 for process in processes)
+    assert one == other and len(set(one)) == 3
+
+
+def test_different_loops_have_different_names():
+    given = arguments()
+    one = names_of_loops(lambda *of: of_all_kinds(*of), *given)
+    again = names_of_loops(lambda *of: law_of_all_kinds()(*of), *given)
+    single = names_of_loops(lambda *of: of_all_kinds(*of), *arguments(dtype="float32"))
+    assert one == again and one != single
+
+
+@pytest.mark.parametrize(
+    "name, operation",
+    [("sin", jnp.sin), ("exp", jnp.exp), ("atan2", lambda of: jnp.arctan2(of, of))],
+)
+def test_an_operation_without_machine_code_is_named(name, operation):
+    listed = made([0], [1], np.ones((1, 3)), 2, 1)
+
+    def law(first, second, pair, common):
+        value = operation(first[0])
+        return [value], [value], []
+
+    def pushed(value):
+        return pairwise(law, lambda *of: of[0][0] > 0.0, listed, [value], [], [])[0][0]
+
+    with pytest.raises(NotImplementedError, match=f"{name} of float64 has no machine code"):
+        jax.jit(pushed)(jnp.ones(2))
+    # Elsewhere it needs none.
+    (found,) = on_another_processor(lambda of: (pushed(of),))(jnp.ones(2))
+    np.testing.assert_allclose(found, operation(jnp.ones(2)), rtol=1e-15)
+
+
+def test_threads_do_not_disturb_each_other():
+    """Of one compiled function, and of loops that are compiled meanwhile."""
+    touches = [True, False, True] * 400
+    law, listed, moving, parameters = meeting(touches, seed=10)
+    compiled = jax.jit(lambda moving: law(listed, moving, parameters))
+    several = [jax.tree.map(lambda leaf, by=by: leaf * by, moving) for by in (1.0, 0.9, 0.5, 0.2)]
+    alone = [compiled(moving) for moving in several]
+    with ThreadPoolExecutor(4) as pool:
+        for _ in range(5):
+            for found, expected in zip(pool.map(compiled, several), alone, strict=True):
+                jax.tree.map(np.testing.assert_array_equal, found, expected)
+        fresh = [jax.jit(lambda *of, by=by: scalar(*of) * by) for by in (1.0, 2.0, 4.0, 8.0)]
+        values = list(pool.map(lambda of: float(of(*arguments(11))), fresh))
+    assert values == [values[0] * by for by in (1.0, 2.0, 4.0, 8.0)]
+
+
+# --- the list of a run, rebuilt only where it is stale --------------------------------------------
+
+BOX = mrjax.Box((12.0, 12.0, 12.0), (True, True, False))
+BALLS = mrjax.Parameters(
+    radius=1.0,
+    particle_density=0.3,
+    fluid_density=0.0,
+    viscosity=0.0,
+    gravity=0.0,
+    elastic_modulus=1e4,
+    poisson_ratio=0.3,
+    friction=0.3,
+).astype(float)
+
+
+@pytest.fixture
+def builds(monkeypatch):
+    """How often lists are built in compiled runs."""
+    seen, build = [], neighbours.build
+
+    def counted(*given):
+        jax.debug.callback(lambda: seen.append(1))
+        return build(*given)
+
+    monkeypatch.setattr(neighbours, "build", counted)
+    pieces._advance.clear_cache()
+    yield seen
+    pieces._advance.clear_cache()
+
+
+def flight(monkeypatch, parameters, state, hurry, duration=1.0, steps=400):
+    monkeypatch.setattr(engine, "SPEED_MARGIN", hurry)
+    pieces._advance.clear_cache()
+    run = mrjax.simulate(
+        state,
+        parameters,
+        BOX,
+        duration=duration,
+        time_step=duration / steps,
+        rebuild_every=1,
+        skin=0.1,
+    )
+    jax.effects_barrier()
+    return run
+
+
+RANDOM = np.random.default_rng(12)
+GRID = 2.5 * np.stack(np.meshgrid(*[np.arange(3)] * 3), axis=-1).reshape(-1, 3) + 1.5
+FLYING = mrjax.place(GRID, RANDOM.uniform(-3.0, 3.0, GRID.shape))
+RESTING = mrjax.place(GRID + RANDOM.uniform(-0.2, 0.2, GRID.shape))
+
+
+@pytest.mark.parametrize(
+    "start, gravity", [(FLYING, 0.0), (RESTING, 8.0)], ids=["flying", "from rest"]
+)
+def test_lists_that_are_kept_give_what_those_built_anew_give(builds, monkeypatch, start, gravity):
+    """They cross many skins of 0.2, and collide; built anew, after every step."""
+    parameters = BALLS.replace(gravity=gravity)
+    kept = flight(monkeypatch, parameters, start, engine.SPEED_MARGIN)
+    of_kept = len(builds)
+    anew = flight(monkeypatch, parameters, start, 1e9)
+    of_anew = len(builds) - of_kept
+    assert of_anew >= 100 and 5 < of_kept < 0.5 * of_anew
+    assert np.linalg.norm(kept.state.position - start.position, axis=1).max() > 5 * 0.2
+    assert np.abs(kept.state.spin).max() > 0.1
+    for name in ("position", "velocity", "spin"):
+        found, expected = (getattr(run.state, name) for run in (kept, anew))
+        # Roundings of 400 steps, 1e-16 of 10 each, that collisions spread a hundredfold each.
+        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-8)
+
+
+def test_a_traced_run_that_outruns_its_list_says_so():
+    """From rest the first list is taken to serve for a whole interval."""
+
+    @jax.jit
+    def run(pull, velocity):
+        state = mrjax.place(GRID[:2], velocity, contact_diameter=2.0)
+        return mrjax.simulate(
+            state,
+            BALLS.replace(gravity=pull),
+            BOX,
+            duration=0.4,
+            time_step=1e-3,
+            rebuild_every=100,
+        )
+
+    still = jnp.zeros((2, 3))
+    assert int(run(1.0, still).fault) == 0
+    outran = run(100.0, still)
+    assert int(outran.fault) & mrjax.Fault.OUTRAN_LIST
+    assert np.isnan(outran.state.position).all()

@@ -1,0 +1,1 @@
+"""Physics across rooms: collisions, spin, gradients and forces of whole runs."""

@@ -1,0 +1,1 @@
+"""What the repository promises: README, docs, notebooks, examples, start-up, versions."""

@@ -1,0 +1,71 @@
+"""What the README promises: its example runs, its numbers are those the commands give."""
+
+import re
+
+import jax
+import pytest
+
+import mrjax
+from mrjax.laws import drag
+from mrjax.paper import table
+from tests.builders import ROOT
+
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_python_examples_print_what_they_say(capsys):
+    blocks = re.findall(r"```python\n(.*?)```", README, flags=re.S)
+    assert len(blocks) == 2
+    names = {}
+    for block in blocks:
+        with jax.numpy_rank_promotion("allow"), jax.numpy_dtype_promotion("standard"):
+            exec(block, names)
+        printed = capsys.readouterr().out.strip()
+        assert printed and f"It prints `{printed}`." in README
+
+
+def test_there_are_exactly_two_set_up_commands():
+    section = README.split("## Set up")[1].split("\n## ")[0]
+    commands = re.findall(r"```sh\n(.*?)\n```", section, flags=re.S)
+    assert len(commands) == 2 == len([line for c in commands for line in c.splitlines()])
+    assert "mrjax-calibrate fang2005 --out fang2005" in commands[0]
+    assert "-m pytest" in commands[1]
+
+
+@pytest.mark.slow
+def test_the_table_of_reproduced_numbers_is_what_the_command_gives(paper_runs):
+    section = README.split("## What it reproduces")[1].split("\n## ")[0]
+    stated = [line for line in section.splitlines() if line.startswith(("| case", "| Eq"))][1:]
+    found = {(one.case, one.quantity): one for one in table.rows(paper_runs)}
+    assert len(stated) == 12
+    for line in stated:
+        case, quantity, printed, computed, unit, status = line.strip("| ").split(" | ")
+        one = found[case, quantity]
+        assert (printed, unit) == (f"{one.printed:g}", one.unit)
+        if quantity.startswith("final"):
+            # A mean of three starts there, one start here; single ones differ by up to 3 points.
+            assert float(computed) == pytest.approx(one.computed, abs=3.9)
+        else:
+            assert (computed, status) == (f"{one.computed:.6g}", one.status)
+
+
+def test_every_file_is_in_the_table_of_files():
+    for package in ("mrjax", "calibrate"):
+        for path in (ROOT / package).rglob("*.py"):
+            name = path.relative_to(ROOT)
+            in_listed_folder = any(f"`{folder.as_posix()}/`" in README for folder in name.parents)
+            if path.name != "__init__.py" and not in_listed_folder:
+                assert f"`{name.as_posix()}`" in README
+
+
+def test_every_closure_is_in_the_table_of_closures():
+    for name in drag.CLOSURES:
+        assert f"| `{name}` |" in README
+    assert float(drag.volume_fraction_at(0.8)) == pytest.approx(0.368, abs=5e-4)
+
+
+def test_the_version_is_the_same_everywhere():
+    version = re.search(r'^version = "(.*)"', (ROOT / "pyproject.toml").read_text(), re.M)[1]
+    assert f"version: {version}\n" in (ROOT / "CITATION.cff").read_text()
+    assert f"## {version}" in (ROOT / "CHANGELOG.md").read_text()
+    assert mrjax.__version__ == version

@@ -1,0 +1,1 @@
+"""Long comparisons with theory, measurements and other codes; each writes a page."""

@@ -1,0 +1,1 @@
+"""Speed, and calibration beside another code."""

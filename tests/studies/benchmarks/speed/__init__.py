@@ -1,0 +1,1 @@
+"""Speed, memory and compilation, beside LIGGGHTS where it is installed."""

@@ -1,0 +1,1 @@
+"""Beds, curves and gradients of settling against LIGGGHTS and theory."""

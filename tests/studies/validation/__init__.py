@@ -1,0 +1,1 @@
+"""Collisions and impacts against closed forms, published tests and another code."""
