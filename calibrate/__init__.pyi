@@ -1,8 +1,8 @@
-from .data import Experiment as Experiment
-from .fit import Fit as Fit
-from .fit import LogNormal as LogNormal
-from .fit import fit as fit
-from .identify import Identification as Identification
-from .identify import identify as identify
-from .predict import FORWARD_MODELS as FORWARD_MODELS
-from .residuals import Problem as Problem
+from .experiment.experiment import Experiment as Experiment
+from .inference.identify import Identification as Identification
+from .inference.identify import identify as identify
+from .least_squares.fit import Fit as Fit
+from .least_squares.fit import LogNormal as LogNormal
+from .least_squares.fit import fit as fit
+from .models.forward_models import FORWARD_MODELS as FORWARD_MODELS
+from .problem.problem import Problem as Problem

@@ -14,7 +14,7 @@ from mrjax.cli import commands
 from mrjax.core.text import in_toml
 
 if TYPE_CHECKING:
-    from calibrate.data import Experiment, Sample
+    from calibrate.experiment.experiment import Experiment, Sample
 
 
 def _new_experiment(context: click.Context, _option: click.Parameter, file: Path | None) -> None:
@@ -25,7 +25,7 @@ def _new_experiment(context: click.Context, _option: click.Parameter, file: Path
         raise InputError(f"--new {file}: must end in .toml; the readings go beside it, in .csv")
     readings = file.with_suffix(".csv")
     template, example = (
-        resources.files("calibrate").joinpath(name).read_text("utf-8")
+        resources.files("calibrate.experiment").joinpath(name).read_text("utf-8")
         for name in ("template.toml", "template.csv")
     )
     template = template.replace('"template.csv"', in_toml(readings.name))
@@ -66,7 +66,7 @@ def _new_experiment(context: click.Context, _option: click.Parameter, file: Path
     metavar="FILE",
     help="Writes a commented experiment to FILE, to start from, and readings beside it; then ends.",
 )
-@click.argument("experiment", shell_complete=commands.sheet_names("calibrate.experiments"))
+@click.argument("experiment", shell_complete=commands.sheet_names("calibrate.experiment.bundled"))
 @commands.out_option("fit")
 @click.option(
     "--model",
@@ -131,13 +131,15 @@ def cli(
     commands.start_jax(dtype)
     import numpy as np
 
-    from calibrate import forecast, plots, report
-    from calibrate.calibration import calibrated
-    from calibrate.data import Experiment
-    from calibrate.identify import identify
-    from calibrate.posterior import posterior as sampled
-    from calibrate.posterior import refuse_without_sampler
-    from calibrate.profile import profiles
+    from calibrate import report
+    from calibrate.experiment.experiment import Experiment
+    from calibrate.inference import forecast
+    from calibrate.inference.identify import identify
+    from calibrate.inference.posterior import posterior as sampled
+    from calibrate.inference.posterior import refuse_without_sampler
+    from calibrate.inference.profile import profiles
+    from calibrate.problem.solve import calibrated
+    from calibrate.report import figures as report_figures
     from mrjax.cli.resume import kept
     from mrjax.io import files
 
@@ -209,7 +211,7 @@ def cli(
             "versions": commands.versions(),
             "wall_seconds": time.perf_counter() - began,
         }
-        figures = plots.figures(problem, fitted, result, held, samples)
+        figures = report_figures.figures(problem, fitted, result, held, samples)
         text = report.markdown(loaded.name, model, result, figures)
         report.write(folder, text, result, figures, pdf, progress=not quiet)
     if as_json:
@@ -279,7 +281,7 @@ def _refuse_options(
 
 def _new(experiment: "Experiment", recipe: str, like: str | None) -> "tuple[Experiment, Sample]":
     """The recipe to be predicted as a sample, and the experiment that says what applies to it."""
-    from calibrate import forecast
+    from calibrate.inference import forecast
     from mrjax import Recipe
 
     if like is None:

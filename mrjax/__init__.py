@@ -17,7 +17,7 @@ _public, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 __version__ = version("mrjax")
 
-aliases.install()
+aliases.install("mrjax", aliases.OLD_NAMES, aliases.FUNCTIONS)
 
 
 def __getattr__(name: str) -> Any:

@@ -1,4 +1,4 @@
-"""Names of modules from before the rooms: one table, so that old imports keep working.
+"""Names of modules from before the rooms, so that old imports keep working: a table a package.
 
 `mrjax.contact`, `import mrjax.contact` and `from mrjax.contact import normal_force` give the module
 that took over. New code uses the new names.
@@ -6,7 +6,7 @@ that took over. New code uses the new names.
 
 import importlib
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
@@ -115,14 +115,19 @@ FUNCTIONS = (
 
 
 class Aliases(Loader, MetaPathFinder):
-    """Finds a module by its old name."""
+    """Finds a module of a package by its old name."""
+
+    def __init__(self, package: str, old_names: Mapping[str, str]) -> None:
+        self.package, self.old_names = package, old_names
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
         """The specification of an old name; None of all others."""
         package, _, name = fullname.partition(".")
-        return ModuleSpec(fullname, self) if package == "mrjax" and name in OLD_NAMES else None
+        if package == self.package and name in self.old_names:
+            return ModuleSpec(fullname, self)
+        return None
 
     def create_module(self, spec: ModuleSpec) -> None:
         """An empty one, which today's module replaces."""
@@ -130,19 +135,26 @@ class Aliases(Loader, MetaPathFinder):
     def exec_module(self, module: ModuleType) -> None:
         """Puts today's module in its place."""
         old = module.__name__
-        sys.modules[old] = importlib.import_module(f"mrjax.{OLD_NAMES[old.partition('.')[2]]}")
+        new = self.old_names[old.partition(".")[2]]
+        sys.modules[old] = importlib.import_module(f"{self.package}.{new}")
 
 
-class Package(ModuleType):
-    """`mrjax` itself: a function is not hidden by the old module of its name."""
+def install(package: str, old_names: Mapping[str, str], functions: Sequence[str]) -> None:
+    """Makes the old names of a package known.
 
-    def __setattr__(self, name: str, value: object) -> None:
-        """Sets an attribute, unless it is such a module."""
-        if not (name in FUNCTIONS and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
+    Args:
+      package: its name.
+      old_names: today's name within the package, by the old one.
+      functions: old names that are functions of the package, too: these come first.
+    """
 
+    class Package(ModuleType):
+        """The package itself: a function is not hidden by the old module of its name."""
 
-def install() -> None:
-    """Makes the old names known."""
-    sys.meta_path.append(Aliases())
-    sys.modules["mrjax"].__class__ = Package
+        def __setattr__(self, name: str, value: object) -> None:
+            """Sets an attribute, unless it is such a module."""
+            if not (name in functions and isinstance(value, ModuleType)):
+                super().__setattr__(name, value)
+
+    sys.meta_path.append(Aliases(package, old_names))
+    sys.modules[package].__class__ = Package

@@ -19,9 +19,9 @@ import jax.numpy as jnp  # noqa: E402 - precision comes before anything is compu
 import numpy as np  # noqa: E402
 
 import calibrate  # noqa: E402
-from calibrate.chains import Sampler  # noqa: E402
-from calibrate.posterior import posterior  # noqa: E402
-from calibrate.profile import profiles  # noqa: E402
+from calibrate.inference.chains import Sampler  # noqa: E402
+from calibrate.inference.posterior import posterior  # noqa: E402
+from calibrate.inference.profile import profiles  # noqa: E402
 
 SIZE, TURNS = 120, 200_000
 

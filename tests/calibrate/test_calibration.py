@@ -13,10 +13,10 @@ import pytest
 import calibrate
 import mrjax
 from calibrate import Experiment, LogNormal, Problem, report
-from calibrate.calibration import calibrated
-from calibrate.data import Measurement, Sample
-from calibrate.fitted import ParameterSheet, fitted
-from calibrate.suspension import Suspension, suspension
+from calibrate.experiment.experiment import Measurement, Sample
+from calibrate.experiment.free_parameters import ParameterSheet, fitted
+from calibrate.experiment.suspension import Suspension, suspension
+from calibrate.problem.solve import calibrated
 from mrjax.laws import drag
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
@@ -387,7 +387,7 @@ def test_a_model_is_prepared_again_where_the_fit_leads(tube):
 
 def test_a_fit_that_leads_far_from_where_its_model_holds_has_not_converged(tube, monkeypatch):
     """However well it ends by itself: particles so slow that the column has steps enough."""
-    monkeypatch.setattr("calibrate.calibration.MOST_PREPARED", 1)
+    monkeypatch.setattr("calibrate.problem.solve.MOST_PREPARED", 1)
     tube.write_text(TUBE.replace('name = "f_s"\nvalue = 1.1', FREE_SHAPE.format(0.5)))
     coarse = partial(calibrate.FORWARD_MODELS["column"], cells=20)
     problem, found = calibrated(Experiment.load(tube), coarse)

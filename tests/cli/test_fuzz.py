@@ -16,7 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import calibrate.__main__
-import calibrate.calibration
+import calibrate.problem.solve
 import mrjax.__main__
 from calibrate import Experiment
 from mrjax import InputError, Recipe
@@ -103,7 +103,7 @@ value = 0.6
 """
 EXPERIMENTS = [
     EXPERIMENT,
-    resources.files("calibrate.experiments").joinpath("fang2005.toml").read_text(),
+    resources.files("calibrate.experiment.bundled").joinpath("fang2005.toml").read_text(),
 ]
 CURVE = "time,mudline,standard_deviation\n" + "".join(
     f"{day},{100 - 5 * day},{0.5 + 0.1 * day}\n" for day in range(12)
@@ -389,7 +389,7 @@ def nothing_is_computed(monkeypatch, tmp_path):
     monkeypatch.setattr(mrjax, "disperse", reached)
     monkeypatch.setattr(processes, "join", reached)
     monkeypatch.setattr(table, "simulated", reached)
-    monkeypatch.setattr(calibrate.calibration, "calibrated", reached)
+    monkeypatch.setattr(calibrate.problem.solve, "calibrated", reached)
 
 
 TOLD = st.sampled_from(

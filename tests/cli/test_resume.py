@@ -20,8 +20,8 @@ import numpy as np
 import pytest
 
 import mrjax
-from calibrate import posterior, profile
-from calibrate.fit import LogNormal, fit
+from calibrate.inference import posterior, profile
+from calibrate.least_squares.fit import LogNormal, fit
 from mrjax.cli import commands, resume
 from mrjax.dem import schedule
 from mrjax.io import checkpoint, npz

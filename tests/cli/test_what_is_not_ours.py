@@ -12,10 +12,11 @@ import pytest
 
 import calibrate.__main__
 import mrjax.__main__
-from calibrate.calibration import calibrated
-from calibrate.data import Experiment
-from calibrate.fit import fit
-from calibrate.residuals import Problem
+from calibrate.experiment.experiment import Experiment
+from calibrate.inference.forecast import leave_one_out
+from calibrate.least_squares.fit import fit
+from calibrate.problem.problem import Problem
+from calibrate.problem.solve import calibrated
 from mrjax import InputError
 from mrjax.cli import commands, resume
 from mrjax.core.trajectory import Trajectory
@@ -156,10 +157,10 @@ def test_a_users_own_folder_survives_every_function(here, make):
         lambda: mrjax.settle(START, BALLS, BOX, checkpoint="mine"),
         lambda: mrjax.sedimentation(case2, checkpoint="mine"),
         lambda: fit(bent, BENT, checkpoint="mine"),
-        lambda: calibrate.posterior.posterior(found, checkpoint="mine"),
+        lambda: calibrate.inference.posterior.posterior(found, checkpoint="mine"),
         lambda: calibrated(experiment, "closed-form", checkpoint="mine"),
         lambda: Problem.prepare(experiment, "closed-form", checkpoint="mine"),
-        lambda: calibrate.forecast.leave_one_out(experiment, "closed-form", checkpoint="mine"),
+        lambda: leave_one_out(experiment, "closed-form", checkpoint="mine"),
     ):
         with pytest.raises(InputError, match=r"mine.*take it away"):
             work()

@@ -24,11 +24,12 @@ from PIL import Image
 
 import calibrate.__main__
 import mrjax.__main__
-from calibrate import Experiment, plots, report
-from calibrate.calibration import calibrated
-from calibrate.identify import identify
-from calibrate.posterior import Posterior
-from calibrate.profile import profiles
+from calibrate import Experiment, report
+from calibrate.inference.identify import identify
+from calibrate.inference.posterior import Posterior
+from calibrate.inference.profile import profiles
+from calibrate.problem.solve import calibrated
+from calibrate.report import figures as fit_figures
 from mrjax import Recipe, figures
 from mrjax.cli import commands
 from mrjax.core import text
@@ -317,7 +318,7 @@ def test_every_figure_of_a_fit_is_written(name, fitted, tmp_path, monkeypatch):
     result, parameters, fit, held, samples = renamed(fitted[:1], name) + fitted[1:]
     experiment = SimpleNamespace(parameters=[renamed(one, name) for one in parameters])
     held, samples = renamed(held, name), renamed(samples, name)
-    drawn = plots.figures(SimpleNamespace(experiment=experiment), fit, result, held, samples)
+    drawn = fit_figures.figures(SimpleNamespace(experiment=experiment), fit, result, held, samples)
     assert set(drawn) == {"predictions", "curves", "residuals", "profiles", "posterior", "loss"}
     for kind, figure in drawn.items():
         files.write_figure(tmp_path, kind, figure, {"name": name}, pdf=kind == "residuals")

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import mrjax
-from calibrate import curve
-from calibrate.curve import CurveSheet
+from calibrate.experiment import curve
+from calibrate.experiment.curve import CurveSheet
 
 SHEET = {"file": "curve.csv", "time_unit": "day", "unit": "mm", "standard_deviation": 0.5}
 

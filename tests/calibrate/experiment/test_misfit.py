@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import calibrate
-from calibrate import Experiment, Problem, misfit, report
+from calibrate import Experiment, Problem, report
+from calibrate.inference import misfit
 
 VELOCITY = """
 [[sample]]

@@ -6,7 +6,7 @@ import pytest
 
 import mrjax
 from calibrate import Experiment, Problem
-from calibrate.calibration import calibrated
+from calibrate.problem.solve import calibrated
 
 SAMPLE = """
 [[sample]]
@@ -91,11 +91,11 @@ def test_what_may_be_right_all_the_same_is_a_warning(tmp_path):
 def test_a_mudline_of_what_rises_may_begin_at_the_floor():
     """Shells so light that the coated particle floats: nothing of them is refused."""
     recipe = mrjax.Recipe.load("case3")
-    from calibrate import sense
+    from calibrate.experiment import plausibility
 
-    assert sense._sinks(recipe)
+    assert plausibility._sinks(recipe)
     light = recipe.coating.model_copy(update={"density": 10.0, "radius_factor": 3.0})
-    assert not sense._sinks(recipe.model_copy(update={"coating": light}))
+    assert not plausibility._sinks(recipe.model_copy(update={"coating": light}))
 
 
 @pytest.mark.parametrize("value, unit", [(8.0, "mm/s"), (8.0e-6, "mm/day")])

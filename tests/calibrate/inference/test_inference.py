@@ -12,10 +12,10 @@ import calibrate
 import mrjax
 from calibrate import Experiment, LogNormal, Problem, report
 from calibrate import fit as fitted_to
-from calibrate.fitted import Fitted
-from calibrate.forecast import forecast, leave_one_out, like
-from calibrate.posterior import posterior
-from calibrate.profile import profiles
+from calibrate.experiment.free_parameters import Fitted
+from calibrate.inference.forecast import forecast, leave_one_out, like
+from calibrate.inference.posterior import posterior
+from calibrate.inference.profile import profiles
 from tests.studies.recovery import coverage, page
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
@@ -189,7 +189,7 @@ def test_nothing_is_predicted_from_a_fit_that_did_not_converge(fang, monkeypatch
     def stuck(*arguments, **keywords):
         return dataclasses.replace(fitted_to(*arguments, **keywords), converged=False)
 
-    monkeypatch.setattr("calibrate.calibration.fit", stuck)
+    monkeypatch.setattr("calibrate.problem.solve.fit", stuck)
     with pytest.raises(mrjax.SimulationError, match="the fit without sample A did not converge"):
         leave_one_out(fang, "closed-form")
 

@@ -10,10 +10,11 @@ import numpy as np
 import pytest
 
 import mrjax
-from calibrate import LogNormal, chains, diagnostics
+from calibrate import LogNormal
 from calibrate import fit as fitted_to
-from calibrate.chains import Sampler, arrays
-from calibrate.posterior import Posterior, posterior
+from calibrate.inference import chains, diagnostics
+from calibrate.inference.chains import Sampler, arrays
+from calibrate.inference.posterior import Posterior, posterior
 from mrjax.core.promotion import relaxed_promotion
 from tests.builders import ROOT
 

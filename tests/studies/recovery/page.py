@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from calibrate.profile import LEVELS
+from calibrate.inference.profile import LEVELS
 from mrjax.core.text import in_code
 from mrjax.io.files import markdown_table
 

@@ -3,9 +3,9 @@
 import jax.numpy as jnp
 import numpy as np
 
-from calibrate.fit import LogNormal, fit
-from calibrate.identify import identify
-from calibrate.posterior import posterior
+from calibrate.inference.identify import identify
+from calibrate.inference.posterior import posterior
+from calibrate.least_squares.fit import LogNormal, fit
 
 from .problem import FRACTIONS, RANGE, TRUTH, Moments, errors
 

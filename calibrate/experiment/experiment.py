@@ -9,11 +9,11 @@ from typing import Annotated, Literal, NamedTuple, Self
 from jax.typing import ArrayLike
 from pydantic import Field, field_validator, model_validator
 
-from calibrate import curve, sense
-from calibrate.curve import CurveSheet
-from calibrate.fitted import Fitted, ParameterSheet, fitted
-from calibrate.suspension import BED, CLOSURE, Suspension, refuse_unknown, suspension
-from calibrate.units import RATIO_UNITS, VELOCITY_UNITS, one_of
+from calibrate.experiment import curve, plausibility
+from calibrate.experiment.curve import CurveSheet
+from calibrate.experiment.free_parameters import Fitted, ParameterSheet, fitted
+from calibrate.experiment.suspension import BED, CLOSURE, Suspension, refuse_unknown, suspension
+from calibrate.experiment.units import RATIO_UNITS, VELOCITY_UNITS, one_of
 from mrjax import InputError, Recipe
 from mrjax.core.errors import shown
 from mrjax.io import reading
@@ -205,7 +205,7 @@ class Experiment:
           >>> [one.label for one in experiment.parameters]
           ['f_w', 'f_s', 'f_v', 'bed_fraction[A]', 'bed_fraction[B]']
         """
-        table, path = sheets.read(source, "calibrate.experiments", "experiment")
+        table, path = sheets.read(source, "calibrate.experiment.bundled", "experiment")
         sheet = sheets.validated(ExperimentSheet, table, str(source))
         recipes: dict[Path, Recipe] = {}
         samples = tuple(
@@ -232,7 +232,7 @@ class Experiment:
                 for name in parameter.samples or names
             ),
         )
-        return replace(found, warnings=(*warnings, *sense.oddities(found)))
+        return replace(found, warnings=(*warnings, *plausibility.oddities(found)))
 
     @property
     def start(self) -> OrderedDict[str, float]:
@@ -310,7 +310,7 @@ def _odd_readings(
     for one, sample in zip(sheet.sample, samples, strict=True):
         if one.curve is not None:
             try:
-                said = sense.refuse_senseless(sample, one.curve.time_unit)
+                said = plausibility.refuse_senseless(sample, one.curve.time_unit)
             except InputError as error:
                 raise InputError(f"{source}: sample {sample.name!r}: {error}") from None
             yield from (f"sample {sample.name!r}: {odd}" for odd in said)

@@ -16,9 +16,9 @@ from jax import Array
 from jax.typing import ArrayLike
 
 import mrjax
-from calibrate.data import Sample
-from calibrate.suspension import BED, CLOSURE, Suspension
-from calibrate.units import CURVES
+from calibrate.experiment.experiment import Sample
+from calibrate.experiment.suspension import BED, CLOSURE, Suspension
+from calibrate.experiment.units import CURVES
 from mrjax import InputError
 from mrjax.core import checks
 from mrjax.core.tracing import value_or_none

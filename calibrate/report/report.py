@@ -12,22 +12,22 @@ from markdown_it import MarkdownIt
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from calibrate.fit import Fit, pseudo_huber
-from calibrate.fitted import Fitted
-from calibrate.forecast import Forecast
-from calibrate.identify import (
+from calibrate.experiment.free_parameters import Fitted
+from calibrate.experiment.units import CURVES, TIME_UNITS
+from calibrate.inference.forecast import Forecast
+from calibrate.inference.identify import (
     WITHOUT_PRIOR,
     Identification,
     covariance,
     expression,
     information,
 )
-from calibrate.misfit import agreement
-from calibrate.plots import spelled
-from calibrate.posterior import Posterior
-from calibrate.profile import LEVELS, Profile
-from calibrate.residuals import Problem
-from calibrate.units import CURVES, TIME_UNITS
+from calibrate.inference.misfit import agreement
+from calibrate.inference.posterior import Posterior
+from calibrate.inference.profile import LEVELS, Profile
+from calibrate.least_squares.fit import Fit, pseudo_huber
+from calibrate.problem.problem import Problem
+from calibrate.report.figures import spelled
 from mrjax import Parameters, terminal_velocity
 from mrjax.core.text import in_code, in_html, in_markdown, in_terminal
 from mrjax.io import files

@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from calibrate.fit import Fit
-from calibrate.posterior import Posterior
-from calibrate.profile import LEVELS, Profile
-from calibrate.residuals import Problem
-from calibrate.units import CURVES, TIME_UNITS
+from calibrate.experiment.units import CURVES, TIME_UNITS
+from calibrate.inference.posterior import Posterior
+from calibrate.inference.profile import LEVELS, Profile
+from calibrate.least_squares.fit import Fit
+from calibrate.problem.problem import Problem
 from mrjax.core.text import in_figure
 from mrjax.figures import COLUMN, STYLE
 

@@ -1,6 +1,6 @@
 """Makes the curves of the experiment `synthetic`: the column's, with noise.
 
-python -m calibrate.experiments.synthetic_data
+python -m calibrate.experiment.bundled.synthetic_data
 """
 
 from pathlib import Path
@@ -9,8 +9,8 @@ import jax
 import numpy as np
 
 import mrjax
-from calibrate.data import Experiment
-from calibrate.suspension import suspension
+from calibrate.experiment.experiment import Experiment
+from calibrate.experiment.suspension import suspension
 
 TRUTH = {"f_w.exponent": 5.3, "f_s": 1.25, "bed_fraction": 0.58}
 VISCOSITY_RATIO = {"coated": 1.9}

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from calibrate.waiting import there
+from calibrate.least_squares.interruptible import there
 from mrjax.core import randomness
 
 DURATION = 0.5

@@ -7,10 +7,10 @@ near which it is asked. Where a fit leads far away, that is done anew there.
 from dataclasses import replace
 from pathlib import Path
 
-from calibrate.data import Experiment
-from calibrate.fit import Fit, fit
-from calibrate.predict import ForwardModelMaker
-from calibrate.residuals import Problem
+from calibrate.experiment.experiment import Experiment
+from calibrate.least_squares.fit import Fit, fit
+from calibrate.models.forward_models import ForwardModelMaker
+from calibrate.problem.problem import Problem
 from mrjax import SimulationError
 from mrjax.io.checkpoint import refuse_foreign
 

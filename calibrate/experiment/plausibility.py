@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from calibrate.units import CURVES, TIME_UNITS
+from calibrate.experiment.units import CURVES, TIME_UNITS
 from mrjax import InputError, Recipe, terminal_velocity
 
 if TYPE_CHECKING:
-    from calibrate.data import Experiment, Measurement, Sample
+    from calibrate.experiment.experiment import Experiment, Measurement, Sample
 
 ERRORS = 3.0
 """Standard deviations by which a reading may be off."""

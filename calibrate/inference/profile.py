@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from tqdm import tqdm
 
-from calibrate.fit import Fit
-from calibrate.identify import identify, information
-from calibrate.waiting import stoppable
+from calibrate.inference.identify import identify, information
+from calibrate.least_squares.fit import Fit
+from calibrate.least_squares.interruptible import stoppable
 from mrjax.core.promotion import relaxed_promotion
 from mrjax.core.text import in_terminal
 

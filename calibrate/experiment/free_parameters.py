@@ -11,8 +11,8 @@ from jax import Array
 from jax.typing import ArrayLike
 from pydantic import Field, model_validator
 
-from calibrate.fit import LogNormal
-from calibrate.suspension import BED
+from calibrate.experiment.suspension import BED
+from calibrate.least_squares.fit import LogNormal
 from mrjax.core.errors import shown
 from mrjax.recipe.sheets import Name, Sheet
 

@@ -13,11 +13,11 @@ import numpy as np
 from jax import Array
 from tqdm import tqdm
 
-from calibrate import diagnostics
-from calibrate.chains import MOST, Piece, Sampler, arrays
-from calibrate.fit import Fit
-from calibrate.identify import identify, information
-from calibrate.waiting import stoppable
+from calibrate.inference import diagnostics
+from calibrate.inference.chains import MOST, Piece, Sampler, arrays
+from calibrate.inference.identify import identify, information
+from calibrate.least_squares.fit import Fit
+from calibrate.least_squares.interruptible import stoppable
 from mrjax import InputError
 from mrjax.core import randomness
 from mrjax.core.promotion import relaxed_promotion

@@ -11,7 +11,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from calibrate.fit import Fit
+from calibrate.least_squares.fit import Fit
 
 RANK_TOLERANCE = 1e-6
 """Singular values below this part of the largest count as zero: a direction in which the data

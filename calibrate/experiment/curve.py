@@ -16,7 +16,7 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
-from calibrate.units import CURVES, HEIGHT_UNITS, RATIO_UNITS, TIME_UNITS, one_of
+from calibrate.experiment.units import CURVES, HEIGHT_UNITS, RATIO_UNITS, TIME_UNITS, one_of
 from mrjax import InputError
 from mrjax.core.errors import shown
 from mrjax.io import reading

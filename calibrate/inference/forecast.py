@@ -16,13 +16,13 @@ import numpy as np
 from jax import Array
 from tqdm import tqdm
 
-from calibrate.calibration import calibrated
-from calibrate.data import Experiment, Measurement, Sample
-from calibrate.fit import Fit
-from calibrate.identify import RANK_TOLERANCE, covariance, information
-from calibrate.predict import ForwardModelMaker, as_measured, forward_model
-from calibrate.suspension import BED, CLOSURE, refuse_unknown
-from calibrate.units import VELOCITY_UNITS
+from calibrate.experiment.experiment import Experiment, Measurement, Sample
+from calibrate.experiment.suspension import BED, CLOSURE, refuse_unknown
+from calibrate.experiment.units import VELOCITY_UNITS
+from calibrate.inference.identify import RANK_TOLERANCE, covariance, information
+from calibrate.least_squares.fit import Fit
+from calibrate.models.forward_models import ForwardModelMaker, as_measured, forward_model
+from calibrate.problem.solve import calibrated
 from mrjax import InputError, Recipe, SimulationError
 from mrjax.core.promotion import relaxed_promotion
 from mrjax.core.text import in_terminal

@@ -24,9 +24,9 @@ from jax.typing import ArrayLike
 from scipy.optimize import OptimizeResult, minimize
 from tqdm import tqdm
 
-from calibrate import levenberg
-from calibrate.levenberg import Bounds, Point
-from calibrate.waiting import stoppable, watched
+from calibrate.least_squares import levenberg
+from calibrate.least_squares.interruptible import stoppable, watched
+from calibrate.least_squares.levenberg import Bounds, Point
 from mrjax import InputError
 from mrjax.core import randomness
 from mrjax.core.promotion import relaxed_promotion

@@ -6,9 +6,9 @@ A fit whose data leave a quantity open ends within them, and not at 1e43.
 from functools import cache
 from typing import Any
 
-from calibrate.data import Experiment
-from calibrate.fitted import Fitted
-from calibrate.suspension import BED, CLOSURE
+from calibrate.experiment.experiment import Experiment
+from calibrate.experiment.free_parameters import Fitted
+from calibrate.experiment.suspension import BED, CLOSURE
 from mrjax.recipe.recipe import (
     LARGEST_BOX,
     LARGEST_FACTOR,

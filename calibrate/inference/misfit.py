@@ -11,9 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import chi2
 
-from calibrate.fit import Fit
-from calibrate.identify import Identification
-from calibrate.residuals import Problem
+from calibrate.inference.identify import Identification
+from calibrate.least_squares.fit import Fit
+from calibrate.problem.problem import Problem
 
 LARGEST_CHI_SQUARED = 4.0
 """Of a degree of freedom, two standard deviations each: beyond it a fit is called a misfit."""

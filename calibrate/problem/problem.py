@@ -9,10 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from calibrate.data import Experiment, Measurement, Sample
-from calibrate.fit import LogNormal
-from calibrate.meaningful import bounds
-from calibrate.predict import (
+from calibrate.experiment.experiment import Experiment, Measurement, Sample
+from calibrate.experiment.physical_bounds import bounds
+from calibrate.least_squares.fit import LogNormal
+from calibrate.models.forward_models import (
     ForwardModel,
     ForwardModelMaker,
     as_measured,

@@ -1,0 +1,33 @@
+"""Names of modules from before the rooms: one table, so that old imports keep working.
+
+`import calibrate.fitted` and `from calibrate.fitted import Fitted` give the module that took over.
+New code uses the new names.
+"""
+
+OLD_NAMES = {
+    "calibration": "problem.solve",
+    "chains": "inference.chains",
+    "curve": "experiment.curve",
+    "data": "experiment.experiment",
+    "diagnostics": "inference.diagnostics",
+    "experiments": "experiment.bundled",
+    "fit": "least_squares.fit",
+    "fitted": "experiment.free_parameters",
+    "forecast": "inference.forecast",
+    "identify": "inference.identify",
+    "levenberg": "least_squares.levenberg",
+    "meaningful": "experiment.physical_bounds",
+    "misfit": "inference.misfit",
+    "plots": "report.figures",
+    "posterior": "inference.posterior",
+    "predict": "models.forward_models",
+    "profile": "inference.profile",
+    "residuals": "problem.problem",
+    "sense": "experiment.plausibility",
+    "suspension": "experiment.suspension",
+    "units": "experiment.units",
+    "waiting": "least_squares.interruptible",
+}
+"""Today's name within the package, by the old one."""
+FUNCTIONS = ("fit", "identify")
+"""Old names that are functions of the package, too: these come first."""

@@ -1,0 +1,4 @@
+"""Measurements: their files, samples, plausibility, and the quantities that are fitted to them.
+
+The bundled experiments are in `bundled`, the commented template is `template.toml`.
+"""

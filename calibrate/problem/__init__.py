@@ -1,0 +1,1 @@
+"""An experiment as a least-squares problem, and its solution."""
