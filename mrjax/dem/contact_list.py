@@ -13,8 +13,7 @@ from mrjax.core.state import State
 from mrjax.core.tracing import drop_tracers, evaluated_or_none, value_or_none
 from mrjax.core.units import Units
 from mrjax.dem import contact_history, neighbours, pairs, schedule
-from mrjax.dem.forces import contact
-from mrjax.dem.forces.contact import ContactForces
+from mrjax.dem.forces import ContactForces, active_laws, contact_law
 from mrjax.dem.pairs import Pairs
 from mrjax.laws import effective, normal, particle
 
@@ -127,7 +126,7 @@ def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, Cont
     length = diameter / 2
     units = Units(mass=1000.0 * length**3, length=length, time=length)
     reduced = parameters.reduced(units).astype(state.position.dtype)
-    laws = contact.laws(parameters)
+    laws = active_laws(parameters)
     position = state.position / units.length
     scaled = box.scaled(1 / units.length)
     plan = schedule.list_plan(state, radius, box, diameter, skin=0.0)
@@ -148,7 +147,7 @@ def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, Cont
         rolling=laws.rolling,
         unit_length=units.length,
     )
-    law = contact.of_contacts(reduced, laws=laws, material=state.material, time_step=0.0)
+    law = contact_law(reduced, laws=laws, material=state.material, time_step=0.0)
     found = law(listed)(
         jnp.zeros_like(position.T),
         state.velocity.T / units.velocity,

@@ -19,8 +19,7 @@ from mrjax.core.trajectory import Trajectory
 from mrjax.core.units import Units
 from mrjax.dem import contact_history, integrator, neighbours, pairs, stability
 from mrjax.dem.contact_history import PairHistory, ParticleHistory
-from mrjax.dem.forces import contact
-from mrjax.dem.forces.contact import Laws
+from mrjax.dem.forces import ActiveLaws, contact_law, net_weight
 from mrjax.dem.integrator import Kick
 from mrjax.dem.neighbours import Plan
 from mrjax.dem.pairs import Pairs
@@ -95,7 +94,7 @@ class Engine:
         box: Box,
         plan: Plan,
         steps: int,
-        laws: Laws,
+        laws: ActiveLaws,
         trajectory: bool,
     ) -> None:
         """All in reduced units.
@@ -114,8 +113,8 @@ class Engine:
         self.particles, self.dtype = particles, dtype
         self.box, self.plan, self.steps = box, plan, steps
         self.laws, self.trajectory = laws, trajectory
-        self.law = contact.of_contacts(parameters, laws=laws, material=material)
-        self.pull = contact.net_weight(parameters, particles)
+        self.law = contact_law(parameters, laws=laws, material=material)
+        self.pull = net_weight(parameters, particles)
         self.radius = per_particle(particle.outer_radius(parameters), particles)
         self.skin_left = plan.cutoff - 2.0 * jnp.max(self.radius)
         # Without hindrance they do not depend on where the particles are.
@@ -160,7 +159,7 @@ class Engine:
             spin = integrator.kicked(spin, spin_keep, found.torque)
             gone = lax.stop_gradient(sum(half_way**2))
             farthest = jnp.maximum(farthest, jnp.where(looked_at, gone, 0.0))
-            return (half_way, velocity, spin, found.memory, found.deepest, farthest), None
+            return (half_way, velocity, spin, found.history, found.deepest, farthest), None
 
         half_way = integrator.drifted(motion.travelled, motion.velocity, 0.5)
         begin = (

@@ -47,6 +47,11 @@ class Pairs:
         return jnp.where(self.second < particles, -1, (self.second - particles) // 2)
 
     @property
+    def count(self) -> Array:
+        """Number of pairs, ()."""
+        return jnp.sum(self.present, dtype=jnp.int32)
+
+    @property
     def surfaces(self) -> tuple[Array, Array, Array | None]:
         """First, second and whether that is a wall, (P,) each; None in a box without walls."""
         return self.first, self.second, self.wall

@@ -20,7 +20,7 @@ from mrjax.core.units import Units
 from mrjax.dem import contact_history, sorting
 from mrjax.dem.contact_history import ParticleHistory
 from mrjax.dem.engine import Engine, Motion, Observed, Outcome
-from mrjax.dem.forces.contact import Laws
+from mrjax.dem.forces import ActiveLaws
 from mrjax.dem.neighbours import Plan
 from mrjax.dem.schedule import Schedule
 from mrjax.laws import particle
@@ -38,7 +38,7 @@ class RunPlan:
     unit_length: float  # largest contact radius, m
     plan: Plan
     cuts: Schedule
-    laws: Laws
+    laws: ActiveLaws
     trajectory: bool
     spoil: bool = True  # whether a fault makes all numbers NaN
 
@@ -191,7 +191,7 @@ def _scan(
     box: Box,
     plan: Plan,
     cuts: Schedule,
-    laws: Laws,
+    laws: ActiveLaws,
     trajectory: bool,
 ) -> tuple[Motion, Observed, Outcome]:
     """The compiled loops, in reduced units with steps of length one."""

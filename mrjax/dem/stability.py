@@ -10,10 +10,10 @@ from jax import Array, lax
 from mrjax.core import randomness
 from mrjax.dem.integrator import Kick
 from mrjax.dem.pairs import Pairs
-from mrjax.kernel.operation import pairwise
+from mrjax.kernel import pair_sum
 from mrjax.laws import normal, tangential
 from mrjax.laws.effective import PairProperties
-from mrjax.laws.vectors import cross, dot, plus, times
+from mrjax.laws.vectors import Vector, cross, dot, plus, times
 
 ITERATIONS = 8
 STABILITY_LIMIT = 0.95
@@ -63,32 +63,25 @@ def swing(
       kick, spin_kick: of the step, `integrator.kick`.
       sliding: whether friction acts.
     """
-    normal, tangential = _stiffnesses(listed, constants, overlap, sliding)
+    normal_spring, tangential_spring = _stiffnesses(listed, constants, overlap, sliding)
     square = dot(listed.separation, listed.separation)
     square = jnp.where(listed.present & (square > 0.0), square, 1.0)
     direction = times(1.0 / jnp.sqrt(square), listed.separation)
     yielding = jnp.sqrt(_compliance(kick) * jnp.ones_like(radius))
     turning = jnp.sqrt(_compliance(spin_kick) * jnp.ones_like(radius)) * radius
 
-    def stiff(first: list, second: list, pair: list, _) -> bool:
-        return pair[3] > 0.0
-
-    def law(first: list, second: list, pair: list, _):
-        direction, normal, tangential = pair[:3], pair[3], pair[4]
-        apart = plus(first[0], -1.0, second[0])
-        # Turns are in units of length, about arms that point against the direction.
-        slip = plus(apart, -1.0, cross(plus(first[1], 1.0, second[1]), direction))
-        force = plus(
-            times(tangential, slip), (normal - tangential) * dot(slip, direction), direction
-        )
-        lever = times(-1.0, cross(direction, force))
-        return [force, lever], [times(-1.0, force), lever], []
-
     def applied(mode: Array) -> Array:
         moved, turned = mode[:3] * yielding[None, :], mode[3:] * turning[None, :]
-        (pushed, spun), _ = pairwise(
-            law, stiff, listed, [moved, turned], [*direction, normal, tangential], []
+        sums, _ = pair_sum(
+            _restoring_force,
+            lambda _, partner, springs, shared, memory: springs.normal > 0.0,
+            listed.first,
+            listed.second,
+            listed.count,
+            particles=_Displacement(moved, turned),
+            pairs=_Springs(direction, normal_spring, tangential_spring),
         )
+        pushed, spun = sums
         return jnp.concatenate([pushed * yielding[None, :], spun * turning[None, :]])
 
     def iterated(_, found: ModeEstimate) -> ModeEstimate:
@@ -103,6 +96,35 @@ def swing(
     # What has come to rest is forgotten, but not for good: noise wakes modes of contacts to come.
     noise = unknown(len(radius), radius.dtype).mode
     return ModeEstimate(found.mode + 1e-3 * noise / jnp.sqrt(noise.size), 0.5 * found.rate)
+
+
+class _Displacement(NamedTuple):
+    """Displacement and turn of a particle in a mode; turns are in units of length."""
+
+    moved: Vector
+    turned: Vector
+
+
+class _Springs(NamedTuple):
+    """The springs of a contact."""
+
+    direction: Vector
+    normal: Array
+    tangential: Array
+
+
+def _restoring_force(
+    particle: _Displacement, partner: _Displacement, springs: _Springs, *_: None
+) -> tuple[list[Vector], list[Vector], None]:
+    """Force and moment of a contact on both particles, from their displacements."""
+    direction = springs.direction
+    apart = plus(particle.moved, -1.0, partner.moved)
+    # About lever arms that point against the direction.
+    slip = plus(apart, -1.0, cross(plus(particle.turned, 1.0, partner.turned), direction))
+    along = (springs.normal - springs.tangential) * dot(slip, direction)
+    force = plus(times(springs.tangential, slip), along, direction)
+    moment = times(-1.0, cross(direction, force))
+    return [force, moment], [times(-1.0, force), moment], None
 
 
 def _compliance(kick: Kick) -> Array:

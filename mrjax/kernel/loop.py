@@ -23,7 +23,7 @@ class Kind(Enum):
 
     PARTICLE = "particle"  # (..., N): that of the first and, unless it is a wall, of the second
     PAIR = "pair"  # (..., P): its own
-    ALL = "all"  # (...): the same for every pair; of results the sum over the pairs
+    SHARED = "shared"  # (...): the same for every pair; of results the sum over the pairs
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Operand:
 
     def shape(self, particles: int, pairs: int) -> tuple[int, ...]:
         """Of the array, for N particles and room for P pairs."""
-        own = {Kind.PARTICLE: (particles,), Kind.PAIR: (pairs,), Kind.ALL: ()}[self.kind]
+        own = {Kind.PARTICLE: (particles,), Kind.PAIR: (pairs,), Kind.SHARED: ()}[self.kind]
         return self.rows + own
 
 
@@ -75,7 +75,7 @@ class PairLoop:
     """
 
     law: ClosedJaxpr  # the scalars of `inputs` to those of `outputs`
-    touching: ClosedJaxpr  # as many of the first scalars of `inputs` as it has, to a truth
+    guard: ClosedJaxpr  # as many of the first scalars of `inputs` as it has, to a truth
     inputs: tuple[Operand, ...]
     outputs: tuple[Operand, ...]
     linear: int = 0  # of so many inputs, the last, the outputs are a linear function
@@ -84,33 +84,30 @@ class PairLoop:
     @staticmethod
     def traced(
         law: Callable,
-        touching: Callable,
+        guard: Callable,
         inputs: tuple[Operand, ...],
         results: list[tuple[Kind, tuple[int, ...]]],
-        replaced: tuple[int, ...] = (),
-        lasting: int = 0,
+        memory: tuple[tuple[int, bool], ...] = (),
     ) -> "PairLoop":
         """From functions of scalars to lists of them.
 
         Args:
-          law, touching: the functions.
+          law, guard: the functions.
           inputs: where their arguments come from.
           results: kind and rows of the outputs, known when `law` has been traced.
-          replaced: inputs whose place the first outputs for pairs take.
-          lasting: of so many of these, the last, pairs apart keep what they had.
+          memory: inputs whose place the outputs for pairs take, in order, and whether pairs that
+            the guard leaves out keep what they had.
         """
         scalars = [jax.ShapeDtypeStruct((), inputs[n].dtype) for n, _, _ in slots(inputs)]
         traced = jax.make_jaxpr(law)(*scalars)
         dtype = traced.out_avals[0].dtype.name
         outputs = tuple(Operand(kind, rows, dtype) for kind, rows in results)
-        looked = jax.make_jaxpr(touching)(*scalars)
+        guarded = jax.make_jaxpr(guard)(*scalars)
         sums = sum(kind is Kind.PARTICLE for kind, _ in results)
-        first_lasting = len(replaced) - lasting
         in_place = tuple(
-            Alias(given, sums + number, number >= first_lasting)
-            for number, given in enumerate(replaced)
+            Alias(given, sums + number, lasting) for number, (given, lasting) in enumerate(memory)
         )
-        return PairLoop(traced, looked, inputs, outputs, in_place=in_place)
+        return PairLoop(traced, guarded, inputs, outputs, in_place=in_place)
 
     @property
     def changes(self) -> tuple[Operand, ...]:
@@ -131,7 +128,7 @@ class PairLoop:
 
     @cached_property
     def _content(self) -> tuple:
-        programs = (self.law, self.touching)
+        programs = (self.law, self.guard)
         return (
             *(str(of.jaxpr) for of in programs),
             *(str(of.consts) for of in programs),
@@ -190,7 +187,7 @@ class PairLoop:
 
         loop = PairLoop(
             _traced(those_that_change, traced.in_avals),
-            self.touching,
+            self.guard,
             self.inputs + tuple(self.inputs[n] for n in live),
             tuple(self.outputs[n] for n in some),
             len(live),
@@ -214,7 +211,7 @@ class PairLoop:
 
         return PairLoop(
             _traced(both, change.scalars),
-            self.touching,
+            self.guard,
             change.inputs,
             self.outputs + change.outputs,
             in_place=self.in_place
@@ -245,7 +242,7 @@ class PairLoop:
             if taken in live
         )
         traced = _traced(backwards, kinds)
-        return PairLoop(traced, self.touching, fixed + given, linear, len(given), back)
+        return PairLoop(traced, self.guard, fixed + given, linear, len(given), back)
 
     def repeated(self, times: int, several: tuple[bool, ...]) -> "PairLoop":
         """For so many sets of linear inputs at once: their rows, and the outputs', set after set.
@@ -286,12 +283,12 @@ class PairLoop:
             jax.ShapeDtypeStruct((), wide[n].dtype) for n, _, _ in slots(wide)
         ]
         traced = _traced(each, kinds)
-        return PairLoop(traced, self.touching, fixed + wide, outputs, self.linear, self.in_place)
+        return PairLoop(traced, self.guard, fixed + wide, outputs, self.linear, self.in_place)
 
-    def without_idle(self) -> tuple["PairLoop", tuple[int, ...]]:
+    def pruned(self) -> tuple["PairLoop", tuple[int, ...]]:
         """The same without the inputs that it does not read, and the indices of those that stay."""
         given = slots(self.inputs)
-        stay = {given[scalar][0] for of in (self.law, self.touching) for scalar in _read(of)}
+        stay = {given[scalar][0] for of in (self.law, self.guard) for scalar in _read(of)}
         stay |= {of.given for of in self.in_place}
         stay |= set(range(len(self.inputs) - self.linear, len(self.inputs)))
         left = sorted(stay)
@@ -315,53 +312,13 @@ class PairLoop:
         in_place = tuple(of._replace(given=left.index(of.given)) for of in self.in_place)
         loop = PairLoop(
             of_less(self.law),
-            of_less(self.touching),
+            of_less(self.guard),
             inputs,
             self.outputs,
             self.linear,
             in_place,
         )
         return loop, tuple(left)
-
-    def in_arrays(self, first, second, count, *leaves):
-        """The same by gathers and scatters of whole arrays: for other processors, and for tests."""
-        particles = self.particles([leaf.shape for leaf in leaves])
-        wall, listed = second >= particles, jnp.arange(len(first), dtype=count.dtype) < count
-
-        def gathered(place: Slot):
-            n, row, of_second = place
-            leaf = self.inputs[n]
-            array = leaves[n].reshape(leaf.width, *leaves[n].shape[len(leaf.rows) :])[row]
-            if leaf.kind is Kind.ALL:
-                return jnp.broadcast_to(array, first.shape)
-            if leaf.kind is Kind.PAIR:
-                return array
-            return jnp.where(wall, 0, array[second]) if of_second else array[first]
-
-        scalars = [gathered(place) for place in slots(self.inputs)]
-        guards = scalars[: len(self.touching.jaxpr.invars)]
-        (touching,) = jax.vmap(jaxpr_as_fun(self.touching))(*guards)
-        values = jax.vmap(jaxpr_as_fun(self.law))(*scalars)
-        shapes = [leaf.shape(particles, len(first)) for leaf in self.outputs]
-        results = [
-            jnp.zeros((leaf.width, *shape[len(leaf.rows) :]), leaf.dtype)
-            for shape, leaf in zip(shapes, self.outputs, strict=True)
-        ]
-        for given, taken, lasting in self.in_place:
-            before = leaves[given].reshape(results[taken].shape)
-            results[taken] = before if lasting else jnp.where(listed, 0, before)
-        for (n, row, of_second), value in zip(slots(self.outputs), values, strict=True):
-            elsewhere = results[n][row] if self.outputs[n].kind is Kind.PAIR else 0
-            value = jnp.where(touching & listed, value, elsewhere)
-            kind = self.outputs[n].kind
-            if kind is Kind.ALL:
-                results[n] = results[n].at[row].set(jnp.sum(value))
-            elif kind is Kind.PAIR:
-                results[n] = results[n].at[row].set(value)
-            else:
-                at = jnp.where(wall, particles, second) if of_second else first
-                results[n] = results[n].at[row, at].add(value, mode="drop")
-        return [result.reshape(shape) for result, shape in zip(results, shapes, strict=True)]
 
 
 def _traced(function, scalars: list[jax.ShapeDtypeStruct]) -> ClosedJaxpr:

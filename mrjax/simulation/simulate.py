@@ -19,8 +19,7 @@ from mrjax.core.run import Run
 from mrjax.core.state import State
 from mrjax.core.tracing import drop_tracers, evaluated_or_none, is_concrete, value_or_none
 from mrjax.dem import schedule
-from mrjax.dem.forces import contact
-from mrjax.dem.forces.contact import Laws
+from mrjax.dem.forces import ActiveLaws, active_laws
 from mrjax.dem.scan import RunPlan, run_once
 from mrjax.laws import particle, time_scales
 from mrjax.laws.hindrance import BED_FRACTION, Hindrance, as_tree
@@ -213,7 +212,9 @@ def plan_run(
     cuts = schedule.cut(duration, time_step, frames, checks.whole(rebuild_every, "rebuild_every"))
 
     # Without a contact friction is only compiled.
-    laws = contact.laws(parameters) if touch else Laws(sliding=False, rolling=False, damped=False)
+    laws = (
+        active_laws(parameters) if touch else ActiveLaws(sliding=False, rolling=False, damped=False)
+    )
     return RunPlan(duration, diameter / 2, plan, cuts, laws, trajectory)
 
 

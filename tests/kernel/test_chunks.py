@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from mrjax.kernel.operation import pairwise
 
 from mrjax.dem.pairs import Pairs
 from mrjax.kernel.llvm import codegen, threads

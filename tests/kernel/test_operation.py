@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir, partial_eval
+from mrjax.kernel.operation import pairwise
 
 import mrjax
 from mrjax.dem import engine, neighbours, pairs
@@ -22,7 +23,6 @@ from mrjax.dem.contact_history import PairHistory
 from mrjax.dem.forces import contact
 from mrjax.dem.pairs import Pairs
 from mrjax.kernel.llvm import codegen
-from mrjax.kernel.operation import pairwise
 from mrjax.simulation import pieces
 from tests.builders import ROOT
 

@@ -7,9 +7,9 @@ are few.
 
 from llvmlite import ir
 
-from mrjax.kernel.llvm.jaxpr import FREE, INT, LONG, POINTER, TYPES, counted
-from mrjax.kernel.llvm.threads import word
-from mrjax.kernel.loop import Kind, Operand, PairLoop
+from ..loop import Kind, Operand, PairLoop
+from .jaxpr import FREE, INT, LONG, POINTER, TYPES, counted
+from .threads import word
 
 
 def room_for_sums(outputs: tuple[Operand, ...], particles: int) -> int:
@@ -95,7 +95,7 @@ class _Stage:
         begin, end = self.share(LONG(self.particles))
         outputs = list(enumerate(self.loop.outputs))
         of_particles = [index for index, leaf in outputs if leaf.kind is Kind.PARTICLE]
-        of_all = [index for index, leaf in outputs if leaf.kind is Kind.ALL]
+        of_all = [index for index, leaf in outputs if leaf.kind is Kind.SHARED]
         for index in of_particles:
             self.clear(index, begin, end)
         with counted(build, LONG(0), LONG(self.parts)) as part:

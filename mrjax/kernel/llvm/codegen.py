@@ -14,11 +14,11 @@ from threading import Lock
 import jax
 from llvmlite import binding, ir
 
-from mrjax.kernel.llvm import threads
-from mrjax.kernel.llvm.chunks import stages
-from mrjax.kernel.llvm.jaxpr import FREE, INT, LONG, POINTER, TYPES, counted, translated
-from mrjax.kernel.llvm.xla_ffi import NULL, Frame
-from mrjax.kernel.loop import Kind, Operand, PairLoop, Slot, slots
+from ..loop import Kind, Operand, PairLoop, Slot, slots
+from . import threads
+from .chunks import stages
+from .jaxpr import FREE, INT, LONG, POINTER, TYPES, counted, translated
+from .xla_ffi import NULL, Frame
 
 VECTOR, LINEAR = 32, 64
 """Bytes of a vector in which pairs are taken together: four in double precision, and eight in loops
@@ -175,7 +175,7 @@ class _Body:
         for number in range(len(over_all)):
             build.store(nothing, self.sum(sums, number, nothing.type))
         with counted(build, begin, end) as pair:
-            (touching,) = translated(build, loop.touching, _Reader(self, pair), None)
+            (touching,) = translated(build, loop.guard, _Reader(self, pair), None)
             with build.if_else(touching) as (near, apart):
                 with near:
                     so_far = build.load(met, typ=LONG)
@@ -250,7 +250,7 @@ class _Body:
         build.ret_void()
 
     def over_all(self, place: Slot) -> bool:
-        return self.loop.outputs[place[0]].kind is Kind.ALL
+        return self.loop.outputs[place[0]].kind is Kind.SHARED
 
     def sum(self, sums: ir.Value, number: int, of: ir.Type) -> ir.Value:
         return self.build.gep(sums, [LONG(number)], source_etype=of)
@@ -284,7 +284,9 @@ class _Body:
                 self.build.store(TYPES[leaf.dtype](0.0), place)
 
     def place(self, pointer: ir.Value, leaf: Operand, row: int, index: ir.Value) -> ir.Value:
-        stride = {Kind.PARTICLE: self.particles, Kind.PAIR: self.room, Kind.ALL: LONG(1)}[leaf.kind]
+        stride = {Kind.PARTICLE: self.particles, Kind.PAIR: self.room, Kind.SHARED: LONG(1)}[
+            leaf.kind
+        ]
         index = self.build.add(self.build.mul(LONG(row), stride), index)
         return self.build.gep(pointer, [index], source_etype=TYPES[leaf.dtype])
 
@@ -316,7 +318,7 @@ class _Reader:
     def _read(self, n: int, row: int, of_second: bool) -> ir.Value:
         build, leaf = self.body.build, self.body.loop.inputs[n]
         particle = self.inside if of_second else self.first
-        index = {Kind.PARTICLE: particle, Kind.PAIR: self.pair, Kind.ALL: LONG(0)}[leaf.kind]
+        index = {Kind.PARTICLE: particle, Kind.PAIR: self.pair, Kind.SHARED: LONG(0)}[leaf.kind]
         at = self.body.place(self.body.inputs[n], leaf, row, index)
         value = build.load(at, typ=TYPES[leaf.dtype])
         return build.select(self.wall, TYPES[leaf.dtype](0), value) if of_second else value

@@ -11,8 +11,8 @@ import os
 
 from llvmlite import ir
 
-from mrjax.kernel.llvm.jaxpr import BIT, INT, LONG, POINTER, as_word, counted
-from mrjax.kernel.llvm.xla_ffi import Frame
+from .jaxpr import BIT, INT, LONG, POINTER, as_word, counted
+from .xla_ffi import Frame
 
 JOBS = 16
 """Calls of one loop that may be under way with help; any more do their parts themselves."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import jax
 from llvmlite import ir
 
-from mrjax.kernel.llvm.jaxpr import INT, LONG, POINTER, as_word
+from .jaxpr import INT, LONG, POINTER, as_word
 
 # Where the interface keeps what is read here, in bytes.
 EXTENSION, INTERFACE, CONTEXT, ARGUMENTS, RESULTS = 8, 16, 24, 72, 112

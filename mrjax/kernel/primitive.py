@@ -1,10 +1,8 @@
-"""A law evaluated for every pair that touches, and its results added to both particles.
+"""The loop over pairs as one JAX operation, with the rules by which JAX transforms it.
 
-One operation, which JAX transforms like any of its own: on a CPU a compiled loop
-(`mrjax.kernel.llvm.codegen`), elsewhere gathers and scatters (`Loop.in_arrays`).
+On a CPU it is a compiled loop (`llvm.codegen`), elsewhere gathers and scatters (`arrays`).
 """
 
-from collections.abc import Callable, Sequence
 from functools import partial
 
 import jax
@@ -13,127 +11,28 @@ from jax import Array, lax
 from jax.core import ShapedArray
 from jax.extend.core import Literal, Primitive
 from jax.interpreters import ad, batching, mlir, partial_eval
-from jax.typing import ArrayLike
 
-from mrjax.dem.pairs import Pairs
-from mrjax.kernel.llvm import codegen
-from mrjax.kernel.llvm.chunks import room_for_sums
-from mrjax.kernel.loop import Kind, Operand, PairLoop
+from .arrays import evaluate_with_arrays
+from .llvm import codegen
+from .llvm.chunks import room_for_sums
+from .loop import PairLoop
 
 AT_ONCE = 4
 """Directions of a derivative that one loop takes together."""
 
-Given = Sequence[ArrayLike]
-
-
-def pairwise(
-    law: Callable,
-    touching: Callable,
-    listed: Pairs,
-    of_particles: Given,
-    of_pairs: Given,
-    of_all: Given,
-    replaced: Sequence[int] = (),
-    lasting: int = 0,
-) -> tuple[list[Array], list[Array]]:
-    """Sums a law over the pairs that touch.
-
-    Args:
-      law: of what the first, the second, the pair and all have: lists of scalars, and of vectors
-        for arrays with rows. Returns what it adds to the first, what it adds to the second and
-        what it keeps for the pair, lists of scalars and vectors again.
-      touching: whether a pair is evaluated, of the same lists. Others add and keep nothing.
-      listed: the pairs; those present come first.
-      of_particles: arrays (N,) or (C, N), at least one, of which a wall has zeros; what comes out
-        is of the dtype of the first.
-      of_pairs: arrays (P,) or (C, P).
-      of_all: arrays () or (C,).
-      replaced: indices into `of_pairs`; what is kept first takes the place of the first of these,
-        in memory too, and so on. Of the same shape. Where no pair is present they stay as they are.
-      lasting: of so many of these, the last, pairs that are not evaluated keep what they had.
-
-    Returns:
-      Sums for the particles, (N,) or (C, N), and what is kept, (P,) or (C, P).
-    """
-    given = [jnp.asarray(array) for array in (*of_particles, *of_pairs, *of_all)]
-    kinds = [Kind.PARTICLE] * len(of_particles) + [Kind.PAIR] * len(of_pairs)
-    kinds += [Kind.ALL] * len(of_all)
-    inputs = tuple(
-        Operand(
-            kind,
-            array.shape[: array.ndim - (kind is not Kind.ALL)],
-            array.dtype.name,
-        )
-        for kind, array in zip(kinds, given, strict=True)
-    )
-    results: list[tuple[Kind, tuple[int, ...]]] = []
-    dtype = given[0].dtype
-
-    def arranged(scalars):
-        left = iter(scalars)
-        firsts, seconds, pairs, everything = [], [], [], []
-
-        def taken(leaf: Operand):
-            return tuple(next(left) for _ in range(leaf.width)) if leaf.rows else next(left)
-
-        for leaf in inputs:
-            if leaf.kind is Kind.PARTICLE:
-                firsts.append(taken(leaf))
-                seconds.append(taken(leaf))
-            else:
-                (pairs if leaf.kind is Kind.PAIR else everything).append(taken(leaf))
-        return firsts, seconds, pairs, everything
-
-    def flat(*scalars):
-        first, second, kept = law(*arranged(scalars))
-        results.clear()
-        values = []
-        for mine, theirs in zip(first, second, strict=True):
-            results.append((Kind.PARTICLE, _rows(mine)))
-            values += [*_scalars(mine, dtype), *_scalars(theirs, dtype)]
-        for value in kept:
-            results.append((Kind.PAIR, _rows(value)))
-            values += _scalars(value, dtype)
-        return values
-
-    loop = PairLoop.traced(
-        flat,
-        lambda *scalars: [touching(*arranged(scalars))],
-        inputs,
-        results,
-        tuple(len(of_particles) + index for index in replaced),
-        lasting,
-    )
-    ends = (of.astype(jnp.int32) for of in (listed.first, listed.second))
-    count = jnp.sum(listed.present, dtype=jnp.int32)
-    found = pairwise_p.bind(*ends, count, *given, loop=loop)
-    sums = sum(kind is Kind.PARTICLE for kind, _ in results)
-    return found[:sums], found[sums:]
-
-
-def _rows(value) -> tuple[int, ...]:
-    return (len(value),) if isinstance(value, tuple) else ()
-
-
-def _scalars(value, dtype) -> list[Array]:
-    return [
-        jnp.asarray(scalar, dtype) for scalar in (value if isinstance(value, tuple) else (value,))
-    ]
-
-
-pairwise_p = Primitive("pairwise")
-pairwise_p.multiple_results = True
+pair_sum_p = Primitive("pair_sum")
+pair_sum_p.multiple_results = True
 
 
 @partial(jax.jit, static_argnames="loop")
 def _alone(*operands: Array, loop: PairLoop) -> list[Array]:
-    return pairwise_p.bind(*operands, loop=loop)
+    return pair_sum_p.bind(*operands, loop=loop)
 
 
-pairwise_p.def_impl(_alone)
+pair_sum_p.def_impl(_alone)
 
 
-@pairwise_p.def_abstract_eval
+@pair_sum_p.def_abstract_eval
 def _shapes(first, second, count, *leaves, loop: PairLoop):
     particles = loop.particles([leaf.shape for leaf in leaves])
     return [ShapedArray(leaf.shape(particles, first.shape[0]), leaf.dtype) for leaf in loop.outputs]
@@ -144,7 +43,7 @@ def _jvp(primals, tangents, *, loop: PairLoop):
     zeros = [ad.Zero(aval) for aval in _shapes(*primals, loop=loop)]
     tangent, changed = loop.tangent(live) if live else (None, ())
     if not changed:
-        return pairwise_p.bind(*primals, loop=loop), zeros
+        return pair_sum_p.bind(*primals, loop=loop), zeros
     operands = *primals, *(tangents[3 + i] for i in live)
     both = with_change_p.bind(*operands, loop=loop, change=tangent)
     found, moved = both[: len(zeros)], both[len(zeros) :]
@@ -161,7 +60,7 @@ def _transpose(cotangents, *operands, loop: PairLoop):
     nothing = [None] * len(fixed)
     if not live:
         return nothing + [ad.Zero(operand.aval) for operand in linear]
-    back = pairwise_p.bind(*fixed, *(cotangents[i] for i in live), loop=loop.transposed(live))
+    back = pair_sum_p.bind(*fixed, *(cotangents[i] for i in live), loop=loop.transposed(live))
     return nothing + back
 
 
@@ -170,10 +69,10 @@ def _batched(operands, axes, *, loop: PairLoop):
     together = _together(operands, several, loop)
     if together is not None:
         operands, loop = together
-        found = pairwise_p.bind(*operands, loop=loop)
+        found = pair_sum_p.bind(*operands, loop=loop)
     else:
         found = lax.map(
-            lambda members: pairwise_p.bind(*_filled(operands, several, members), loop=loop),
+            lambda members: pair_sum_p.bind(*_filled(operands, several, members), loop=loop),
             [operand for operand, of in zip(operands, several, strict=True) if of],
         )
     return found, [0] * len(found)
@@ -208,7 +107,7 @@ def _filled(operands: list, several: list[bool], members: list) -> list:
     return [next(left) if of else operand for operand, of in zip(operands, several, strict=True)]
 
 
-with_change_p = Primitive("pairwise_with_change")
+with_change_p = Primitive("pair_sum_with_change")
 """What a loop gives, and its change, as forward mode needs them: cheaper than one after the other.
 
 Where a derivative is split into what is known and what is linear in the changes, as reverse mode
@@ -231,7 +130,8 @@ def _both_shapes(*operands, loop: PairLoop, change: PairLoop):
 
 
 def _both_in_arrays(*operands, loop: PairLoop, change: PairLoop) -> list[Array]:
-    return loop.in_arrays(*operands[: -change.linear]) + change.in_arrays(*operands)
+    alone = evaluate_with_arrays(loop, *operands[: -change.linear])
+    return alone + evaluate_with_arrays(change, *operands)
 
 
 def _both_jvp(primals, tangents, *, loop: PairLoop, change: PairLoop):
@@ -252,7 +152,7 @@ def _both_batched(operands, axes, *, loop: PairLoop, change: PairLoop):
     if any(several[: -change.linear]):
         found, at = _batched(alone, axes[: -change.linear], loop=loop)
     else:
-        found, at = pairwise_p.bind(*alone, loop=loop), [batching.not_mapped] * count
+        found, at = pair_sum_p.bind(*alone, loop=loop), [batching.not_mapped] * count
     moved, there = _batched(operands, axes, loop=change)
     return [*found, *moved], [*at, *there]
 
@@ -262,10 +162,10 @@ def _both_split(trace, *tracers, loop: PairLoop, change: PairLoop):
 
     What the change does not read need not be kept for it.
     """
-    found = trace.process_primitive(pairwise_p, tracers[: -change.linear], {"loop": loop})
-    change, stay = change.without_idle()
+    found = trace.process_primitive(pair_sum_p, tracers[: -change.linear], {"loop": loop})
+    change, stay = change.pruned()
     tracers = (*tracers[:3], *(tracers[3 + n] for n in stay))
-    return [*found, *trace.process_primitive(pairwise_p, tracers, {"loop": change})]
+    return [*found, *trace.process_primitive(pair_sum_p, tracers, {"loop": change})]
 
 
 def _both_remembered(saveable, unknown, present, equation):
@@ -277,7 +177,7 @@ def _both_remembered(saveable, unknown, present, equation):
         known = equation
     elif not any(unknown[: -change.linear]):
         known = equation.replace(
-            primitive=pairwise_p,
+            primitive=pair_sum_p,
             params={"loop": loop},
             invars=equation.invars[: -change.linear],
             outvars=equation.outvars[:count],
@@ -306,14 +206,16 @@ def _compiled(context, *operands, loop: PairLoop):
     return found
 
 
-ad.primitive_jvps[pairwise_p] = _jvp
-ad.primitive_transposes[pairwise_p] = _transpose
-batching.primitive_batchers[pairwise_p] = _batched
+ad.primitive_jvps[pair_sum_p] = _jvp
+ad.primitive_transposes[pair_sum_p] = _transpose
+batching.primitive_batchers[pair_sum_p] = _batched
 mlir.register_lowering(
-    pairwise_p,
-    mlir.lower_fun(lambda *operands, loop: loop.in_arrays(*operands), multiple_results=True),
+    pair_sum_p,
+    mlir.lower_fun(
+        lambda *operands, loop: evaluate_with_arrays(loop, *operands), multiple_results=True
+    ),
 )
-mlir.register_lowering(pairwise_p, _compiled, platform="cpu")
+mlir.register_lowering(pair_sum_p, _compiled, platform="cpu")
 
 ad.primitive_jvps[with_change_p] = _both_jvp
 batching.primitive_batchers[with_change_p] = _both_batched

@@ -1,0 +1,99 @@
+"""How two surfaces move against each other: the geometry and motion of one pair.
+
+Vectors are kept apart by component; (P,) for P pairs, or scalars of one.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jax import Array
+
+from mrjax.laws.normal import LEAST_DISTANCE
+from mrjax.laws.vectors import Vector, cross, dot, plus, times
+
+
+class ParticleState(NamedTuple):
+    """One of the two surfaces of a pair; a wall does not move."""
+
+    displacement: Vector  # since the list was built
+    velocity: Vector  # m/s
+    spin: Vector  # rad/s
+    radius: Array  # m
+    gains: Vector  # by what forces and torques are multiplied, two
+
+
+class PairKinematics(NamedTuple):
+    """Geometry and motion of pairs at one moment; (P,) each."""
+
+    overlap: Array  # d, negative where apart
+    lever_arm: Array  # from the centre to the middle of the overlap, m
+    partner_lever_arm: Array  # from the partner's centre, m
+    normal: Vector  # from the partner to the particle
+    normal_velocity: Array  # d', positive on approach, m/s
+    normal_rotation_rate: Vector  # d normal/dt, 1/s
+    torsion_rate: Array  # mean spin of both about the normal, rad/s
+    slip: Vector  # velocity of the surface along the partner's, m/s
+    rolling: Vector  # spin relative to the partner's, without its part along the normal, rad/s
+
+
+def separation(
+    particle: ParticleState, partner: ParticleState, at_build: Vector, axis: Array
+) -> Vector:
+    """Vector from the partner's centre to the particle's; from a wall, along its normal; m."""
+    moved = plus(particle.displacement, -1.0, partner.displacement)
+    return tuple(
+        then + jnp.where((axis < 0) | (axis == along), since, 0.0)
+        for along, (then, since) in enumerate(zip(at_build, moved, strict=True))
+    )
+
+
+def pair_kinematics(
+    particle: ParticleState, partner: ParticleState, at_build: Vector, axis: Array
+) -> PairKinematics:
+    """Overlap, normal and relative motion of two surfaces.
+
+    Centres at one place overlap by the sum of their radii and have no normal: no force acts.
+    A wall mirrors the particle: the lever arm is R - d/2, and the normal does not rotate.
+
+    Args:
+      particle, partner: the two surfaces.
+      at_build: separation when the list of pairs was built, m.
+      axis: of a wall's normal, 0 to 2; -1 where both are particles.
+    """
+    between = separation(particle, partner, at_build, axis)
+    square = dot(between, between)
+    least = LEAST_DISTANCE * particle.radius
+    distance = jnp.sqrt(jnp.where(square > 0.0, square, least**2))
+    normal = times(1.0 / distance, between)
+    partner_radius = jnp.where(axis < 0, partner.radius, 0.0)
+    turns = jnp.where(axis < 0, 1.0 / distance, 0.0)
+    overlap = particle.radius + partner_radius - distance
+    lever_arm, partner_lever_arm = particle.radius - 0.5 * overlap, partner_radius - 0.5 * overlap
+    velocity = plus(particle.velocity, -1.0, partner.velocity)
+    normal_velocity = -dot(velocity, normal)
+    along = plus(velocity, normal_velocity, normal)
+    surface_spin = plus(times(lever_arm, particle.spin), partner_lever_arm, partner.spin)
+    relative = plus(particle.spin, -1.0, partner.spin)
+    return PairKinematics(
+        overlap,
+        lever_arm,
+        partner_lever_arm,
+        normal,
+        normal_velocity,
+        times(turns, along),
+        0.5 * dot(plus(particle.spin, 1.0, partner.spin), normal),
+        plus(along, -1.0, cross(surface_spin, normal)),
+        plus(relative, -dot(relative, normal), normal),
+    )
+
+
+def time_in_contact(pair: PairKinematics, time_step: float) -> Array:
+    """Share of the last step during which the surfaces touched, as a time; (P,).
+
+    A spring that stretched by the slip of the whole step in which they met would be flat in the
+    moment at which they did, and so would all that follows: its derivative would miss a share that
+    does not vanish with the step.
+    """
+    approach = jnp.maximum(time_step * pair.normal_velocity, pair.overlap)
+    touches = pair.overlap > 0.0
+    return time_step * jnp.where(touches, pair.overlap / jnp.where(touches, approach, 1.0), 1.0)

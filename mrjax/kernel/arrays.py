@@ -1,0 +1,48 @@
+"""The loop over pairs by gathers and scatters of whole arrays: for GPUs, and for tests."""
+
+import jax
+import jax.numpy as jnp
+from jax.extend.core import jaxpr_as_fun
+
+from .loop import Kind, PairLoop, Slot, slots
+
+
+def evaluate_with_arrays(loop: PairLoop, first, second, count, *leaves):
+    """The same by gathers and scatters of whole arrays: for other processors, and for tests."""
+    particles = loop.particles([leaf.shape for leaf in leaves])
+    wall, listed = second >= particles, jnp.arange(len(first), dtype=count.dtype) < count
+
+    def gathered(place: Slot):
+        n, row, of_second = place
+        leaf = loop.inputs[n]
+        array = leaves[n].reshape(leaf.width, *leaves[n].shape[len(leaf.rows) :])[row]
+        if leaf.kind is Kind.SHARED:
+            return jnp.broadcast_to(array, first.shape)
+        if leaf.kind is Kind.PAIR:
+            return array
+        return jnp.where(wall, 0, array[second]) if of_second else array[first]
+
+    scalars = [gathered(place) for place in slots(loop.inputs)]
+    guards = scalars[: len(loop.guard.jaxpr.invars)]
+    (touching,) = jax.vmap(jaxpr_as_fun(loop.guard))(*guards)
+    values = jax.vmap(jaxpr_as_fun(loop.law))(*scalars)
+    shapes = [leaf.shape(particles, len(first)) for leaf in loop.outputs]
+    results = [
+        jnp.zeros((leaf.width, *shape[len(leaf.rows) :]), leaf.dtype)
+        for shape, leaf in zip(shapes, loop.outputs, strict=True)
+    ]
+    for given, taken, lasting in loop.in_place:
+        before = leaves[given].reshape(results[taken].shape)
+        results[taken] = before if lasting else jnp.where(listed, 0, before)
+    for (n, row, of_second), value in zip(slots(loop.outputs), values, strict=True):
+        elsewhere = results[n][row] if loop.outputs[n].kind is Kind.PAIR else 0
+        value = jnp.where(touching & listed, value, elsewhere)
+        kind = loop.outputs[n].kind
+        if kind is Kind.SHARED:
+            results[n] = results[n].at[row].set(jnp.sum(value))
+        elif kind is Kind.PAIR:
+            results[n] = results[n].at[row].set(value)
+        else:
+            at = jnp.where(wall, particles, second) if of_second else first
+            results[n] = results[n].at[row, at].add(value, mode="drop")
+    return [result.reshape(shape) for result, shape in zip(results, shapes, strict=True)]

@@ -1,0 +1,195 @@
+"""`pair_sum`: a law of two particles summed over pairs, with trees of arrays in and out.
+
+    sums_i = sum_j law(particle_i, particle_j, pair_ij, shared, memory_ij)
+
+The law is written once, for the scalars of one pair. Its trees are flattened here into the operands
+of one JAX operation (`primitive`).
+"""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike, DTypeLike
+
+from .loop import Kind, Operand, PairLoop
+from .primitive import pair_sum_p
+
+Tree = Any
+
+
+def pair_sum(
+    law: Callable[..., tuple[Tree, Tree, Tree]],
+    guard: Callable[..., ArrayLike],
+    first: ArrayLike,
+    second: ArrayLike,
+    count: ArrayLike,
+    *,
+    particles: Tree,
+    pairs: Tree = None,
+    shared: Tree = None,
+    memory: Tree = None,
+    lasting: Tree = False,
+) -> tuple[Tree, Tree]:
+    """Sums a law over pairs. Differentiable in all trees, under `jit`, `grad`, `jvp` and `vmap`.
+
+    For one pair an array (N,), (P,) or () becomes a scalar, one with rows (C, N), (C, P) or (C,) a
+    tuple of C scalars. In what the law returns a plain tuple is such a vector; trees are lists,
+    dictionaries, named tuples and dataclasses.
+
+    Args:
+      law: (particle, partner, pair, shared, memory) of one pair to what is added to the particle,
+        what is added to the partner, in a tree of the same structure, and the new memory.
+      guard: of the same arguments, whether the law is evaluated; other pairs add nothing.
+      first: ids of particles, (P,).
+      second: ids of their partners, (P,); from N on it is no particle (a wall, say), of which the
+        law reads zeros and to which nothing is added.
+      count: number of pairs, (); what stands in places after them is not read.
+      particles: arrays (N,) or (C, N), at least one; results are of the dtype of the first.
+      pairs: arrays (P,) or (C, P).
+      shared: arrays () or (C,).
+      memory: arrays (P,) or (C, P). The new one takes its place, in the same buffers. Places
+        without a pair stay as they are.
+      lasting: whether a pair that the guard leaves out keeps its memory, or has zeros: one truth,
+        or a tree of them that begins as `memory` does.
+
+    Returns:
+      the sums for every particle, (N,) or (C, N), in the tree of what the law adds, and the new
+      memory.
+
+    Raises:
+      ValueError: the trees that the law returns do not fit.
+      NotImplementedError: the law has an operation that cannot be compiled (CPU, when the call is
+        compiled).
+    """
+    trees = _Trees(particles, pairs, memory, shared)
+    results = _Results(trees)
+
+    def flat_law(*scalars: Array) -> list[Array]:
+        return results.flatten(*law(*trees.of_pair(scalars)))
+
+    loop = PairLoop.traced(
+        flat_law,
+        lambda *scalars: [guard(*trees.of_pair(scalars))],
+        trees.operands,
+        results.outputs,
+        trees.remembered(lasting),
+    )
+    ends = (jnp.asarray(ids).astype(jnp.int32) for ids in (first, second))
+    found = pair_sum_p.bind(*ends, jnp.asarray(count, jnp.int32), *trees.arrays, loop=loop)
+    return results.unflatten(found)
+
+
+class _Trees:
+    """The trees of a call as a list of arrays, and of a pair's scalars as trees again."""
+
+    def __init__(self, particles: Tree, pairs: Tree, memory: Tree, shared: Tree) -> None:
+        self.arrays: list[Array] = []
+        operands: list[Operand] = []
+        self.structures: list[Any] = []
+        self.memory = memory
+        kinds = (Kind.PARTICLE, Kind.PAIR, Kind.PAIR, Kind.SHARED)
+        for kind, tree in zip(kinds, (particles, pairs, memory, shared), strict=True):
+            leaves, structure = jax.tree.flatten(tree)
+            self.structures.append(structure)
+            for leaf in leaves:
+                array = jnp.asarray(leaf)
+                rows = array.shape[: array.ndim - (kind is not Kind.SHARED)]
+                operands.append(Operand(kind, rows, array.dtype.name))
+                self.arrays.append(array)
+        if not self.structures[0].num_leaves:
+            raise ValueError("particles: give one array (N,) or (C, N) at least")
+        self.operands = tuple(operands)
+
+    @property
+    def dtype(self) -> DTypeLike:
+        """Of the results."""
+        return self.arrays[0].dtype
+
+    @property
+    def first_memory(self) -> int:
+        """Number of operands before the memory."""
+        return self.structures[0].num_leaves + self.structures[1].num_leaves
+
+    def remembered(self, lasting: Tree) -> tuple[tuple[int, bool], ...]:
+        """The memory's operands by number, and whether they last."""
+        lasts = jax.tree.leaves(jax.tree.broadcast(lasting, self.memory))
+        return tuple((self.first_memory + n, last) for n, last in enumerate(lasts))
+
+    def of_pair(self, scalars: tuple[Array, ...]) -> tuple[Tree, Tree, Tree, Tree, Tree]:
+        """Particle, partner, pair, shared and memory of one pair."""
+        left = iter(scalars)
+        particle, partner, others = [], [], []
+        for operand in self.operands:
+            if operand.kind is Kind.PARTICLE:
+                particle.append(_taken(operand, left))
+                partner.append(_taken(operand, left))
+            else:
+                others.append(_taken(operand, left))
+        of_particles, of_pairs, of_memory, of_shared = self.structures
+        pairs, end = of_pairs.num_leaves, of_pairs.num_leaves + of_memory.num_leaves
+        return (
+            of_particles.unflatten(particle),
+            of_particles.unflatten(partner),
+            of_pairs.unflatten(others[:pairs]),
+            of_shared.unflatten(others[end:]),
+            of_memory.unflatten(others[pairs:end]),
+        )
+
+
+class _Results:
+    """The trees that a law returns as a list of scalars, and of arrays as trees again."""
+
+    def __init__(self, trees: _Trees) -> None:
+        self.trees = trees
+        self.outputs: list[tuple[Kind, tuple[int, ...]]] = []
+        """Kind and rows of every result, known when the law has been traced."""
+
+    def flatten(self, to_particle: Tree, to_partner: Tree, memory: Tree) -> list[Array]:
+        """The scalars: of every sum the particle's and then the partner's, of the memory."""
+        self.sums: Any
+        self.memory: Any
+        mine, self.sums = jax.tree.flatten(to_particle, is_leaf=_is_vector)
+        theirs, same = jax.tree.flatten(to_partner, is_leaf=_is_vector)
+        new, self.memory = jax.tree.flatten(memory, is_leaf=_is_vector)
+        if self.sums != same or list(map(_rows, mine)) != list(map(_rows, theirs)):
+            raise ValueError(f"the law adds {self.sums} to a particle, {same} to its partner")
+        at = self.trees.first_memory
+        had = self.trees.operands[at : at + self.trees.structures[2].num_leaves]
+        if [operand.rows for operand in had] != list(map(_rows, new)):
+            raise ValueError(f"the law's new memory {self.memory} is not as the old one")
+        self.outputs.clear()
+        values: list[Array] = []
+        for one, other in zip(mine, theirs, strict=True):
+            self.outputs.append((Kind.PARTICLE, _rows(one)))
+            values += [*self._scalars(one), *self._scalars(other)]
+        for value in new:
+            self.outputs.append((Kind.PAIR, _rows(value)))
+            values += self._scalars(value)
+        return values
+
+    def unflatten(self, arrays: list[Array]) -> tuple[Tree, Tree]:
+        """Sums and memory."""
+        sums = self.sums.num_leaves
+        return self.sums.unflatten(arrays[:sums]), self.memory.unflatten(arrays[sums:])
+
+    def _scalars(self, value: Tree) -> list[Array]:
+        parts = value if _is_vector(value) else (value,)
+        return [jnp.asarray(part, self.trees.dtype) for part in parts]
+
+
+def _taken(operand: Operand, left: Iterator[Array]) -> Array | tuple[Array, ...]:
+    """The next scalar, or a tuple of as many as the operand has rows."""
+    if not operand.rows:
+        return next(left)
+    return tuple(next(left) for _ in range(operand.width))
+
+
+def _is_vector(value: Tree) -> bool:
+    return type(value) is tuple
+
+
+def _rows(value: Tree) -> tuple[int, ...]:
+    return (len(value),) if _is_vector(value) else ()
