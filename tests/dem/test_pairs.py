@@ -17,7 +17,8 @@ from hypothesis.extra import numpy as arrays
 import mrjax
 from mrjax import Box
 from mrjax.dem import neighbours, pairs
-from mrjax.dem.forces import contact
+from mrjax.dem.forces import kinematics
+from mrjax.dem.forces.kinematics import ParticleState
 from mrjax.dem.neighbours import CELLS_OVERFULL, PAIRS_DROPPED, Plan
 from mrjax.dem.pairs import Pairs
 from mrjax.laws import normal
@@ -372,8 +373,8 @@ def separated(listed, displacement):
     """The separations after displacements (3, N), as the forces see them."""
     mine = tuple(part[listed.first] for part in displacement)
     theirs = tuple(part.at[listed.second].get(mode="fill", fill_value=0.0) for part in displacement)
-    moved = (contact.ParticleState(way, None, None, None, None) for way in (mine, theirs))
-    return contact.separation_of(*moved, listed.separation, listed.axis)
+    moved = (ParticleState(way, None, None, None, None) for way in (mine, theirs))
+    return kinematics.separation(*moved, listed.separation, listed.axis)
 
 
 def test_separated(crowd):

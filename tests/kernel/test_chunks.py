@@ -9,9 +9,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from mrjax.kernel.operation import pairwise
 
 from mrjax.dem.pairs import Pairs
+from mrjax.kernel import pair_sum
 from mrjax.kernel.llvm import codegen, threads
 from mrjax.kernel.operation import pairwise
 from tests.builders import ROOT
@@ -51,19 +51,21 @@ def given(room: int = 3000, seed: int = 2, dtype="float64") -> list:
 def evaluated(pairs: Pairs):
     """A law of all that, as a function."""
 
-    def law(mine, theirs, pair, common):
-        (x, m), (y, k), (spring,), (both,) = mine, theirs, pair, common
+    def law(mine, theirs, pair, both, spring):
+        (x, m), (y, k) = mine, theirs
         apart = x[0] - y[0], x[1] - y[1], x[2] - y[2]
         new = spring[0] + apart[1] * both[0], spring[1] - apart[0] * m * k
         force = apart[0] * new[0], apart[1] * both[1], apart[2] / (1.0 + new[1] ** 2)
-        return [force, m * k], [tuple(-of for of in force), m + both[0]], [new]
+        return [force, m * k], [tuple(-of for of in force), m + both[0]], new
 
-    def touching(mine, theirs, pair, common):
+    def touching(mine, theirs, *_):
         return mine[0][0] - theirs[0][0] < 0.4
 
     def results(place, weight, spring, both):
-        sums, kept = pairwise(law, touching, pairs, [place, weight], [spring], [both], replaced=[0])
-        return *sums, *kept
+        ends = pairs.first, pairs.second, pairs.count
+        particles = [place, weight]
+        sums, kept = pair_sum(law, touching, *ends, particles=particles, shared=both, memory=spring)
+        return *sums, kept
 
     return results
 
@@ -110,14 +112,19 @@ def test_a_list_of_pairs_that_add_to_nothing_has_parts_too(monkeypatch):
     in_parts(monkeypatch, True)
 
     def kept(spring):
-        law = lambda mine, theirs, pair, common: ([], [], [mine[0] * pair[0]])  # noqa: E731
-        touching = lambda mine, theirs, pair, common: pair[0] > 0.5  # noqa: E731
-        return pairwise(law, touching, listed("many"), [jnp.ones(PARTICLES)], [spring], [])[1][0]
+        pairs = listed("many")
+        ends = pairs.first, pairs.second, pairs.count
+        law = lambda mine, *_: (None, None, mine * _[-1])  # noqa: E731
+        touching = lambda *of: of[-1] > 0.5  # noqa: E731
+        twos = 2.0 * jnp.ones(PARTICLES)
+        return pair_sum(law, touching, *ends, particles=twos, memory=spring)[1]
 
     spring = given()[2][0]
     present = np.asarray(listed("many").present)
+    expected = np.where(present & (spring <= 0.5), 0.0, 2.0 * spring)
     np.testing.assert_array_equal(
-        jax.jit(kept)(spring), np.where(present & (spring > 0.5), spring, 0)
+        jax.jit(kept)(spring),
+        np.where(present, expected, spring),  # places without a pair stay
     )
 
 

@@ -1,6 +1,5 @@
 """Laws summed over pairs: the compiled loop and its derivatives against gathers and scatters."""
 
-import importlib
 import os
 import re
 import subprocess
@@ -15,31 +14,31 @@ import numpy as np
 import pytest
 from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir, partial_eval
-from mrjax.kernel.operation import pairwise
 
 import mrjax
 from mrjax.dem import engine, neighbours, pairs
 from mrjax.dem.contact_history import PairHistory
-from mrjax.dem.forces import contact
+from mrjax.dem.forces import ActiveLaws, contact_law
 from mrjax.dem.pairs import Pairs
+from mrjax.kernel import arrays, pair_sum, primitive, summation
 from mrjax.kernel.llvm import codegen
 from mrjax.simulation import pieces
 from tests.builders import ROOT
-
-operation = importlib.import_module("mrjax.kernel.operation")
 
 BOTH = ("float64", "float32")
 
 
 @contextmanager
-def standing_in(primitive, with_change=None):
+def standing_in(other, with_change=None):
     """Every loop that is met meanwhile goes to another primitive, also beside its change."""
-    kept = operation.pairwise_p, operation.with_change_p
-    operation.pairwise_p, operation.with_change_p = primitive, with_change
+    kept = primitive.pair_sum_p, primitive.with_change_p
+    summation.pair_sum_p = primitive.pair_sum_p = other
+    primitive.with_change_p = with_change
     try:
         yield
     finally:
-        operation.pairwise_p, operation.with_change_p = kept
+        primitive.pair_sum_p, primitive.with_change_p = kept
+        summation.pair_sum_p = primitive.pair_sum_p
 
 
 class Arrays:
@@ -47,7 +46,7 @@ class Arrays:
 
     @staticmethod
     def bind(*operands, loop):
-        return loop.in_arrays(*operands)
+        return arrays.evaluate_with_arrays(loop, *operands)
 
 
 def by_arrays(function):
@@ -62,27 +61,27 @@ def by_arrays(function):
 
 def not_compiled(name, shapes, by_arrays, jvp, batched) -> Primitive:
     """An operation of gathers and scatters on every platform."""
-    primitive = Primitive(name)
-    primitive.multiple_results = True
-    primitive.def_abstract_eval(shapes)
-    ad.primitive_jvps[primitive] = jvp
-    batching.primitive_batchers[primitive] = batched
-    mlir.register_lowering(primitive, mlir.lower_fun(by_arrays, multiple_results=True))
-    return primitive
+    made = Primitive(name)
+    made.multiple_results = True
+    made.def_abstract_eval(shapes)
+    ad.primitive_jvps[made] = jvp
+    batching.primitive_batchers[made] = batched
+    mlir.register_lowering(made, mlir.lower_fun(by_arrays, multiple_results=True))
+    return made
 
 
 elsewhere = not_compiled(
-    "pairwise_elsewhere", operation._shapes, Arrays.bind, operation._jvp, operation._batched
+    "pair_sum_elsewhere", primitive._shapes, Arrays.bind, primitive._jvp, primitive._batched
 )
-ad.primitive_transposes[elsewhere] = operation._transpose
+ad.primitive_transposes[elsewhere] = primitive._transpose
 both_elsewhere = not_compiled(
     "both_elsewhere",
-    operation._both_shapes,
-    operation._both_in_arrays,
-    operation._both_jvp,
-    operation._both_batched,
+    primitive._both_shapes,
+    primitive._both_in_arrays,
+    primitive._both_jvp,
+    primitive._both_batched,
 )
-partial_eval.custom_partial_eval_rules[both_elsewhere] = operation._both_split
+partial_eval.custom_partial_eval_rules[both_elsewhere] = primitive._both_split
 
 
 def on_another_processor(function):
@@ -125,6 +124,11 @@ def made(first, second, separation, particles: int, room: int) -> Pairs:
     )
 
 
+def ends(listed: Pairs) -> tuple:
+    """What the sum is told of a list: ids of both ends and the number of pairs."""
+    return listed.first, listed.second, listed.count
+
+
 # --- the law of contacts --------------------------------------------------------------------------
 
 PARTICLES = 5
@@ -143,9 +147,9 @@ ROUGH = mrjax.Parameters(
     dissipation=0.02,
     tangential_dissipation=0.03,
 )
-ALL = contact.Laws(sliding=True, rolling=True, damped=True)
+ALL = ActiveLaws(sliding=True, rolling=True, damped=True)
 EVERY_LAW = [
-    contact.Laws(sliding, rolling, damped)
+    ActiveLaws(sliding, rolling, damped)
     for sliding in (False, True)
     for rolling in (False, True)
     for damped in (False, True)
@@ -212,7 +216,7 @@ def law_of(laws, mixed):
     material = jnp.array([0, 1, 0, 1, 1], jnp.int32) if mixed else None
 
     def loads(listed, moving, parameters):
-        law = contact.of_contacts(parameters, laws=laws, material=material, time_step=0.01)
+        law = contact_law(parameters, laws=laws, material=material, time_step=0.01)
         return law(listed)(*moving)
 
     return loads
@@ -273,7 +277,7 @@ def test_any_number_of_pairs_that_touch(touches, dtype):
     )
     apart = ~np.array(touches, bool)
     for name in ("sliding", "rolling"):
-        kept, had = getattr(found.memory, name), getattr(memory, name)
+        kept, had = getattr(found.history, name), getattr(memory, name)
         assert not kept[:, : len(touches)][:, apart].any()
         np.testing.assert_array_equal(kept[:, len(touches) :], had[:, len(touches) :])
     assert np.isfinite(found.force).all()
@@ -283,11 +287,13 @@ def test_what_pairs_add_to_the_same_particle_is_not_lost():
     """Nine pairs of the same two, so that all lanes of a vector add to the same place."""
     listed = made([0] * 9, [1] * 9, np.ones((9, 3)), 2, 9)
 
-    def law(first, second, pair, common):
-        return [pair[0]], [2.0 * pair[0]], []
+    def law(first, second, pair, *_):
+        return [pair], [2.0 * pair], None
 
     value = jnp.arange(1.0, 10.0)
-    (found,), _ = pairwise(law, lambda *of: of[2][0] > 0.0, listed, [jnp.zeros(2)], [value], [])
+    (found,), _ = pair_sum(
+        law, lambda *of: of[2] > 0.0, *ends(listed), particles=jnp.zeros(2), pairs=value
+    )
     np.testing.assert_array_equal(found, [45.0, 90.0])
 
 
@@ -300,14 +306,14 @@ def test_pairs_beyond_the_room_are_neither_read_nor_written():
     found = neighbours.build(plan, box, position)
     radius = jnp.ones(8)
 
-    def law(first, second, pair, common):
-        return [1.0 + 0.0 * first[0]], [1.0 + 0.0 * first[0]], [1.0 + pair[0]]
+    def law(first, second, pair, shared, memory):
+        return [1.0 + 0.0 * first], [1.0 + 0.0 * first], 1.0 + memory
 
     for room in (1, 3, 5, 28):
         listed = pairs.listed(found, box, position.T, radius, jnp.asarray(10.0), room)
         assert int(listed.overflow) == (neighbours.PAIRS_DROPPED if room < 28 + 6 * 8 else 0)
-        (met,), (kept,) = pairwise(
-            law, lambda *of: of[2][0] == 0.0, listed, [radius], [jnp.zeros(room)], []
+        (met,), kept = pair_sum(
+            law, lambda *of: of[4] == 0.0, *ends(listed), particles=radius, memory=jnp.zeros(room)
         )
         walls = int(jnp.sum(listed.second >= 8))
         assert met.sum() == 2 * room - walls
@@ -329,8 +335,8 @@ def law_of_all_kinds():
     second = np.where((second >= COUNT) & (np.arange(9) % 4 != 3), second % COUNT, second)
     listed = made(first, second, np.ones((9, 3)), COUNT, PLACES)
 
-    def law(mine, theirs, pair, common):
-        (x, m), (y, k), (spring, tally, width), (both, one) = mine, theirs, pair, common
+    def law(mine, theirs, width, shared, memory):
+        (x, m), (y, k), (spring, tally, _), (both, one) = mine, theirs, memory, shared
         apart = x[0] - y[0], x[1] - y[1]
         distance = jnp.sqrt(1.0 + apart[0] ** 2 + apart[1] ** 2)
         push = jnp.maximum(width, 0.1) * (m + 2.0 * k) * one / distance
@@ -340,13 +346,19 @@ def law_of_all_kinds():
         kept = [new, counted, push**2]
         return [force, m * k * one], [(-force[0], force[1] * both[1]), push], kept
 
-    def touching(mine, theirs, pair, common):
+    def touching(mine, theirs, *_):
         return (mine[0][0] - theirs[0][0]) < 0.8
 
     def results(place, weight, spring, width, both, one, tally):
-        of_particles, of_pairs = [place, weight], [spring, tally, width]
-        sums, kept = pairwise(
-            law, touching, listed, of_particles, of_pairs, [both, one], replaced=[0, 1], lasting=1
+        sums, kept = pair_sum(
+            law,
+            touching,
+            *ends(listed),
+            particles=[place, weight],
+            pairs=width,
+            memory=[spring, tally, jnp.zeros_like(tally)],
+            shared=[both, one],
+            lasting=[False, True, False],
         )
         return *sums, *kept
 
@@ -594,14 +606,19 @@ def test_what_nothing_moves_has_no_derivative():
     """A scan that carries it carries no derivative of it, forwards; nor is it a loop backwards."""
     listed = made([0, 1, 2], [1, 2, 0], np.ones((3, 3)), 3, 4)
 
-    def law(first, second, pair, common):
-        return [first[0] * pair[0]], [second[0] * pair[0]], [pair[0] ** 2]
+    def law(first, second, pair, shared, memory):
+        return [first * pair], [second * pair], pair**2 + 0.0 * memory
 
     def followed(value):
         def step(carry, _):
             value, greatest = carry
-            (value,), (kept,) = pairwise(
-                law, lambda *of: of[2][0] > 1.0, listed, [value], [jnp.arange(4.0)], []
+            (value,), kept = pair_sum(
+                law,
+                lambda *of: of[2] > 1.0,
+                *ends(listed),
+                particles=value,
+                pairs=jnp.arange(4.0),
+                memory=jnp.zeros(4),
             )
             return (value, jnp.maximum(greatest, kept)), None
 
@@ -616,12 +633,12 @@ def test_what_nothing_moves_has_no_derivative():
     _, (change, nothing) = moved(value)
     assert change.any() and not nothing.any()
     backwards = jax.make_jaxpr(jax.grad(lambda value: jnp.sum(followed(value)[1])))(value)
-    assert str(backwards).count("pairwise") <= 1
+    assert str(backwards).count("pair_sum") <= 1
     # With everything stopped there is no second loop at all.
     stopped = jax.make_jaxpr(
         lambda value: jax.jvp(lambda of: followed(jax.lax.stop_gradient(of)), (value,), (value,))
     )(value)
-    assert str(stopped).count("pairwise") == 1
+    assert str(stopped).count("pair_sum") == 1
 
 
 # --- a loop beside its change ---------------------------------------------------------------------
@@ -687,7 +704,7 @@ def test_one_loop_forwards_and_two_backwards(name):
         compare_derivative(transform, WRAPPED[name], *given)
         assert len(set(names_of_loops(transform(WRAPPED[name]), *given))) == loops
     backwards = str(jax.make_jaxpr(gradient(WRAPPED[name]))(*given))
-    assert "pairwise[" in backwards and "pairwise_with_change" not in backwards
+    assert "pair_sum[" in backwards and "pair_sum_with_change" not in backwards
 
 
 @pytest.mark.parametrize(
@@ -800,12 +817,12 @@ def test_different_loops_have_different_names():
 def test_an_operation_without_machine_code_is_named(name, operation):
     listed = made([0], [1], np.ones((1, 3)), 2, 1)
 
-    def law(first, second, pair, common):
-        value = operation(first[0])
-        return [value], [value], []
+    def law(first, *_):
+        value = operation(first)
+        return value, value, None
 
     def pushed(value):
-        return pairwise(law, lambda *of: of[0][0] > 0.0, listed, [value], [], [])[0][0]
+        return pair_sum(law, lambda *of: of[0] > 0.0, *ends(listed), particles=value)[0]
 
     with pytest.raises(NotImplementedError, match=f"{name} of float64 has no machine code"):
         jax.jit(pushed)(jnp.ones(2))

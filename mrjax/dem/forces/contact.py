@@ -179,9 +179,9 @@ class _ContactsOfList:
         displacement, velocity, spin, radius, gains = operands
         if radius is None:
             radius = self.properties.equal_radius(shared.properties)
-        if gains is None:
-            gains = shared.gains
-        return ParticleState(displacement, velocity, spin, radius, gains)
+        multiplied = shared.gains if gains is None else gains
+        assert multiplied is not None  # by every particle or by all
+        return ParticleState(displacement, velocity, spin, radius, multiplied)
 
     def _touch(
         self, first: _Particles, second: _Particles, pair: _Pairs, shared: _Shared, _: _Memory

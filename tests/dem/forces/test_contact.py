@@ -10,7 +10,7 @@ import pytest
 
 import mrjax
 from mrjax.core.state import WALLS
-from mrjax.dem.forces import contact
+from mrjax.dem.forces import ActiveLaws, active_laws
 from mrjax.laws import closed_forms, particle, time_scales
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
@@ -30,17 +30,17 @@ STEP = 1e-7
 OBLIQUE = mrjax.place([[5e-3, 5e-3, 1.001e-3]], [[0.5, 0.0, -0.5]], contact_diameter=2e-3)
 
 
-SLIDING = contact.Laws(sliding=True, rolling=False, damped=False)
+SLIDING = ActiveLaws(sliding=True, rolling=False, damped=False)
 
 
 def test_only_laws_that_act_or_may_be_differentiated_are_compiled():
-    assert contact.laws(GLASS) == SLIDING
-    assert contact.laws(GLASS.replace(friction=0.0)) == replace(SLIDING, sliding=False)
+    assert active_laws(GLASS) == SLIDING
+    assert active_laws(GLASS.replace(friction=0.0)) == replace(SLIDING, sliding=False)
     table = jnp.array([[0.0, 0.0], [0.0, 0.1]])
-    assert contact.laws(GLASS.replace(friction=0.0, rolling_friction=table)).rolling
+    assert active_laws(GLASS.replace(friction=0.0, rolling_friction=table)).rolling
     seen = []
-    jax.grad(lambda mu: seen.append(contact.laws(GLASS.replace(friction=mu))) or mu)(0.0)
-    jax.jit(lambda mu: seen.append(contact.laws(GLASS.replace(friction=mu))) or mu)(0.0)
+    jax.grad(lambda mu: seen.append(active_laws(GLASS.replace(friction=mu))) or mu)(0.0)
+    jax.jit(lambda mu: seen.append(active_laws(GLASS.replace(friction=mu))) or mu)(0.0)
     assert seen == [SLIDING] * 2
 
 
@@ -49,10 +49,10 @@ def test_only_laws_that_act_or_may_be_differentiated_are_compiled():
 )
 def test_dashpots_are_compiled_where_one_acts_or_may_be_differentiated(name, idle):
     for value in (0.5, jnp.array([[idle, idle], [idle, 0.5]])):
-        assert contact.laws(GLASS.replace(**{name: value})) == replace(SLIDING, damped=True)
-    assert contact.laws(GLASS.replace(**{name: jnp.full((2, 2), idle)})) == SLIDING
+        assert active_laws(GLASS.replace(**{name: value})) == replace(SLIDING, damped=True)
+    assert active_laws(GLASS.replace(**{name: jnp.full((2, 2), idle)})) == SLIDING
     seen = []
-    jax.grad(lambda leaf: seen.append(contact.laws(GLASS.replace(**{name: leaf}))) or leaf)(idle)
+    jax.grad(lambda leaf: seen.append(active_laws(GLASS.replace(**{name: leaf}))) or leaf)(idle)
     assert seen == [replace(SLIDING, damped=True)]
 
 
