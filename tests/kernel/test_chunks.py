@@ -13,7 +13,6 @@ import pytest
 from mrjax.dem.pairs import Pairs
 from mrjax.kernel import pair_sum
 from mrjax.kernel.llvm import codegen, threads
-from mrjax.kernel.operation import pairwise
 from tests.builders import ROOT
 
 PARTICLES = 300

@@ -777,7 +777,7 @@ import sys
 sys.path.insert(0, sys.argv[1])
 import jax
 jax.config.update("jax_enable_x64", True)
-from tests.kernel import test_operation as tests
+from tests.kernel import test_summation as tests
 if sys.argv[2] == "late":  # another has been named before
     tests.names_of_loops(tests.scalar, *tests.arguments(dtype="float32"))
 law, *given = tests.meeting([True, False, True], mixed=True)
