@@ -14,7 +14,8 @@ from mrjax.cli import commands
 from mrjax.core.text import in_toml
 
 if TYPE_CHECKING:
-    from calibrate.experiment.experiment import Experiment, Sample
+    from calibrate.experiment.experiment import Experiment
+    from calibrate.experiment.sample import Sample
 
 
 def _new_experiment(context: click.Context, _option: click.Parameter, file: Path | None) -> None:
@@ -138,7 +139,7 @@ def cli(
     from calibrate.inference.posterior import posterior as sampled
     from calibrate.inference.posterior import refuse_without_sampler
     from calibrate.inference.profile import profiles
-    from calibrate.problem.solve import calibrated
+    from calibrate.problem.solve import fit_experiment
     from calibrate.report import figures as report_figures
     from mrjax.cli.resume import kept
     from mrjax.io import files
@@ -158,7 +159,7 @@ def cli(
     writes = ["fit.json", "report.md", "report.html"]
     with kept(folder, resume, quiet, writes, **work) as checkpoint:
         try:
-            problem, fitted = calibrated(
+            problem, fitted = fit_experiment(
                 loaded, model, **options, progress=not quiet, checkpoint=checkpoint / "fit"
             )
         except ValueError as error:

@@ -12,7 +12,7 @@ from jax.typing import ArrayLike
 from pydantic import Field, model_validator
 
 from calibrate.experiment.suspension import BED
-from calibrate.least_squares.fit import LogNormal
+from calibrate.least_squares.priors import LogNormal
 from mrjax.core.errors import shown
 from mrjax.recipe.sheets import Name, Sheet
 
@@ -81,7 +81,7 @@ class ParameterSheet(Sheet):
 
 
 @dataclass(frozen=True)
-class Fitted:
+class FreeParameter:
     """A fitted quantity: what the fit calls it, what it sets, where, its range and its prior."""
 
     label: str
@@ -127,7 +127,9 @@ class Fitted:
         return (upper - lower) * x / (1.0 + x) ** 2
 
 
-def fitted(sheet: ParameterSheet, names: list[str], once: bool = True) -> list[Fitted]:
+def free_parameters(
+    sheet: ParameterSheet, names: list[str], once: bool = True
+) -> list[FreeParameter]:
     """What a sheet asks to be fitted: one for all of its samples, or one for each.
 
     Args:
@@ -147,8 +149,12 @@ def fitted(sheet: ParameterSheet, names: list[str], once: bool = True) -> list[F
             spread = sheet.standard_deviation * (upper - lower) / (left * right)
     if not sheet.per_sample:
         label = sheet.name if once else f"{sheet.name}[{', '.join(samples)}]"
-        return [Fitted(label, sheet.name, samples, median, spread, bounds)]
+        return [FreeParameter(label, sheet.name, samples, median, spread, bounds)]
     return [
-        Fitted(f"{sheet.name}[{one}]", sheet.name, (one,), median, spread, bounds)
+        FreeParameter(f"{sheet.name}[{one}]", sheet.name, (one,), median, spread, bounds)
         for one in samples
     ]
+
+
+Fitted, fitted = FreeParameter, free_parameters
+"""Their names of before."""

@@ -7,7 +7,7 @@ from functools import cache
 from typing import Any
 
 from calibrate.experiment.experiment import Experiment
-from calibrate.experiment.free_parameters import Fitted
+from calibrate.experiment.free_parameters import FreeParameter
 from calibrate.experiment.suspension import BED, CLOSURE
 from mrjax.recipe.recipe import (
     LARGEST_BOX,
@@ -49,7 +49,7 @@ NEAREST = 1e-9
 """Of the distance between bounds, to either of them."""
 
 
-def bounds(experiment: Experiment, one: Fitted) -> tuple[float, float]:
+def bounds(experiment: Experiment, one: FreeParameter) -> tuple[float, float]:
     """Least and greatest x of a fitted quantity."""
     lower, upper = _of_value(experiment, one)
     if not one.bounds:
@@ -57,7 +57,7 @@ def bounds(experiment: Experiment, one: Fitted) -> tuple[float, float]:
     return _odds(one, lower), _odds(one, upper)
 
 
-def _odds(one: Fitted, value: float) -> float:
+def _odds(one: FreeParameter, value: float) -> float:
     """The x of a value, or of the nearest between the bounds."""
     lower, upper = one.bounds or (0.0, 1.0)
     share = (value - lower) / (upper - lower)
@@ -65,7 +65,7 @@ def _odds(one: Fitted, value: float) -> float:
     return share / (1.0 - share)
 
 
-def _of_value(experiment: Experiment, one: Fitted) -> tuple[float, float]:
+def _of_value(experiment: Experiment, one: FreeParameter) -> tuple[float, float]:
     if one.name == BED:
         thickest = max(
             sample.recipe.coated_volume_fraction

@@ -5,16 +5,14 @@ alone would fill, and only falls. What is off by more than its error allows is r
 be right all the same, such as a reading a little off, is told as a warning.
 """
 
-from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 import numpy as np
 
+from calibrate.experiment.sample import Measurement, Sample
+from calibrate.experiment.suspension import Suspension
 from calibrate.experiment.units import CURVES, TIME_UNITS
 from mrjax import InputError, Recipe, terminal_velocity
-
-if TYPE_CHECKING:
-    from calibrate.experiment.experiment import Experiment, Measurement, Sample
 
 ERRORS = 3.0
 """Standard deviations by which a reading may be off."""
@@ -24,7 +22,7 @@ ABSURD = 1e3
 """Factor on the speed that the recipe gives beyond which it is rather another unit."""
 
 
-def refuse_senseless(sample: "Sample", time_unit: str) -> list[str]:
+def refuse_senseless(sample: Sample, time_unit: str) -> list[str]:
     """Passes readings of a curve that may be true, and says what is odd about them.
 
     Args:
@@ -54,7 +52,7 @@ def refuse_senseless(sample: "Sample", time_unit: str) -> list[str]:
             f"{said(place)} is above {most}, by more than its error; mend the reading, its unit"
             f"{'' if of_height else ' or height'}"
         )
-    if not _sinks(sample.recipe):
+    if not sinks(sample.recipe):
         return []  # what rises leaves its mudline below
     odd = [*_start(said, ratio, error, times), *_rise(said, ratio, error)]
     solids = sample.recipe.volume_fraction
@@ -67,12 +65,9 @@ def refuse_senseless(sample: "Sample", time_unit: str) -> list[str]:
     return odd
 
 
-def _sinks(recipe: Recipe) -> bool:
+def sinks(recipe: Recipe) -> bool:
     """Whether a coated particle is heavier than the fluid that it takes the place of."""
-    fluid = recipe.fluid.density
-    shell = recipe.radius_factor**3 - 1.0
-    coating = fluid if recipe.coating is None else recipe.coating.density
-    return recipe.particle.density - fluid + shell * (coating - fluid) > 0.0
+    return recipe.apparent_density > recipe.fluid.density
 
 
 def _start(
@@ -108,34 +103,38 @@ def _rise(said: Callable[[int], str], ratio: np.ndarray, error: np.ndarray) -> l
     return [text]
 
 
-def oddities(experiment: "Experiment") -> Iterator[str]:
-    """What may be a slip in an experiment as a whole: speeds out of proportion, repeats."""
-    for sample in experiment.samples:
-        yield from _absurd_speed(experiment, sample)
-    for number, one in enumerate(experiment.samples):
-        for other in experiment.samples[:number]:
-            if _readings(one) == _readings(other):
+def oddities(samples: Sequence[Sample], suspensions: Iterable[Suspension]) -> Iterator[str]:
+    """What may be a slip in an experiment as a whole: speeds out of proportion, repeats.
+
+    Args:
+      samples: all of the experiment.
+      suspensions: each sample with the medians in their places.
+    """
+    for sample, suspension in zip(samples, suspensions, strict=True):
+        yield from _absurd_speed(sample, suspension)
+    for number, sample in enumerate(samples):
+        for other in samples[:number]:
+            if _readings(sample) == _readings(other):
                 yield (
-                    f"samples {other.name!r} and {one.name!r}: have the same readings, which count "
-                    "as independent; keep one if they were read once"
+                    f"samples {other.name!r} and {sample.name!r}: have the same readings, which "
+                    "count as independent; keep one if they were read once"
                 )
 
 
-def _readings(sample: "Sample") -> tuple:
+def _readings(sample: Sample) -> tuple:
     return sample.measurements, sample.times, sample.recipe if not sample.times else None
 
 
-def _absurd_speed(experiment: "Experiment", sample: "Sample") -> Iterator[str]:
+def _absurd_speed(sample: Sample, suspension: Suspension) -> Iterator[str]:
     """A speed far from that of the recipe with the medians."""
-    suspension = experiment.suspension_of(sample, experiment.start)
     expected = float(np.abs(np.mean(np.asarray(terminal_velocity(suspension.parameters)))))
     for one in sample.measurements:
         if one.observable == "initial_velocity":
-            found = one.value * one.si / expected
-            if not 1.0 / ABSURD < found < ABSURD:
+            ratio = one.value * one.si / expected
+            if not 1.0 / ABSURD < ratio < ABSURD:
                 yield (
                     f"sample {sample.name!r}: initial_velocity = {one.value:g} {one.unit} is "
-                    f"{found:.2g} times what its recipe gives with the medians, "
+                    f"{ratio:.2g} times what its recipe gives with the medians, "
                     f"{expected / one.si:.2g} {one.unit}: check unit, viscosity and diameter"
                 )
     fastest = max((_speed(sample, one) for one in sample.measurements), default=0.0)
@@ -146,7 +145,7 @@ def _absurd_speed(experiment: "Experiment", sample: "Sample") -> Iterator[str]:
         )
 
 
-def _speed(sample: "Sample", one: "Measurement") -> float:
+def _speed(sample: Sample, one: Measurement) -> float:
     """Mean speed of a mudline from time 0 to a reading, m/s; 0 of another measurement."""
     if one.observable not in CURVES or not sample.times[one.place or 0]:
         return 0.0

@@ -16,13 +16,14 @@ import numpy as np
 from jax import Array
 from tqdm import tqdm
 
-from calibrate.experiment.experiment import Experiment, Measurement, Sample
+from calibrate.experiment.experiment import Experiment
+from calibrate.experiment.sample import Measurement, Sample
 from calibrate.experiment.suspension import BED, CLOSURE, refuse_unknown
 from calibrate.experiment.units import VELOCITY_UNITS
 from calibrate.inference.identify import RANK_TOLERANCE, covariance, information
 from calibrate.least_squares.fit import Fit
 from calibrate.models.forward_models import ForwardModelMaker, as_measured, forward_model
-from calibrate.problem.solve import calibrated
+from calibrate.problem.solve import fit_experiment
 from mrjax import InputError, Recipe, SimulationError
 from mrjax.core.promotion import relaxed_promotion
 from mrjax.core.text import in_terminal
@@ -109,9 +110,9 @@ def leave_one_out(
       experiment: of two samples at least.
       model: as for `Problem.prepare`.
       seed: of suspensions that are simulated, and of further starts.
-      checkpoint: folder that keeps what each fit has done, as for `calibrated`.
+      checkpoint: folder that keeps what each fit has done, as for `fit_experiment`.
       progress: whether to show a progress bar and those of the fits, on standard error.
-      options: of `calibrated`.
+      options: of `fit_experiment`.
 
     Raises:
       InputError: there is only one sample, or nothing is fitted without one of them.
@@ -126,7 +127,7 @@ def leave_one_out(
         rest = without(experiment, sample.name)
         kept = checkpoint and Path(checkpoint) / f"without-{number}"
         of_fit = dict(seed=seed, progress=progress, checkpoint=kept, **options)
-        _, fitted = calibrated(rest, model, **of_fit)
+        _, fitted = fit_experiment(rest, model, **of_fit)
         if not fitted.converged:
             raise SimulationError(
                 f"the fit without sample {sample.name} did not converge in {fitted.model_runs} "

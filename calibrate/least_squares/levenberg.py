@@ -13,6 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.optimize import brentq
 
+from calibrate.least_squares.bounds import Bounds as Bounds
+
 LONGEST = 10.0
 """A step at first; in logarithms, a factor of 22,000."""
 ACCEPTED, POOR, GOOD = 1e-4, 0.25, 0.75
@@ -23,17 +25,6 @@ DONE = 1e-8
 deviations, and far less behind a step that is taken."""
 SHORT = 0.1
 """A step that is still taken for so little: a longer one would run along what nothing bounds."""
-
-
-class Bounds(NamedTuple):
-    """Bounds of each coordinate, (P,)."""
-
-    lower: np.ndarray
-    upper: np.ndarray
-
-    def clip(self, at: np.ndarray) -> np.ndarray:
-        """The nearest within the bounds."""
-        return np.clip(at, self.lower, self.upper)
 
 
 class Point(NamedTuple):

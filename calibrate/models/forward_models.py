@@ -16,7 +16,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 import mrjax
-from calibrate.experiment.experiment import Sample
+from calibrate.experiment.sample import Sample
 from calibrate.experiment.suspension import BED, CLOSURE, Suspension
 from calibrate.experiment.units import CURVES
 from mrjax import InputError

@@ -9,9 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from calibrate.experiment.experiment import Experiment, Measurement, Sample
+from calibrate.experiment.experiment import Experiment
 from calibrate.experiment.physical_bounds import bounds
-from calibrate.least_squares.fit import LogNormal
+from calibrate.experiment.sample import Measurement, Sample
+from calibrate.least_squares.priors import LogNormal
 from calibrate.models.forward_models import (
     ForwardModel,
     ForwardModelMaker,

@@ -18,7 +18,7 @@ MOST_PREPARED = 4
 """How often at most; a factor of 3 in velocity each."""
 
 
-def calibrated(
+def fit_experiment(
     experiment: Experiment,
     model: str | ForwardModelMaker,
     *,
@@ -50,7 +50,7 @@ def calibrated(
     refuse_foreign(checkpoint)
     near = None
     if begin_with is not None:
-        _, first = calibrated(
+        _, first = fit_experiment(
             experiment,
             begin_with,
             starts=starts,
@@ -67,9 +67,9 @@ def calibrated(
         near, starts = first.theta, 1
     spent = 0
     for number in range(MOST_PREPARED):
-        kept = checkpoint and Path(checkpoint) / f"prepared-{number}"
-        problem = Problem.prepare(experiment, model, seed, near, kept)
-        found = fit(
+        folder = checkpoint and Path(checkpoint) / f"prepared-{number}"
+        problem = Problem.prepare(experiment, model, seed, near, folder)
+        result = fit(
             problem.residuals,
             problem.near,
             priors=problem.priors,
@@ -78,11 +78,15 @@ def calibrated(
             seed=seed,
             robust=robust,
             progress=progress,
-            checkpoint=kept,
+            checkpoint=folder,
         )
-        spent += found.model_runs
-        holds = problem.holds_at(found.theta)
+        spent += result.model_runs
+        holds = problem.holds_at(result.theta)
         if holds:
             break
-        near, starts = found.theta, 1
-    return problem, replace(found, converged=found.converged and holds, model_runs=spent)
+        near, starts = result.theta, 1
+    return problem, replace(result, converged=result.converged and holds, model_runs=spent)
+
+
+calibrated = fit_experiment
+"""Its name of before."""

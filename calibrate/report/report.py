@@ -12,7 +12,7 @@ from markdown_it import MarkdownIt
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from calibrate.experiment.free_parameters import Fitted
+from calibrate.experiment.free_parameters import FreeParameter
 from calibrate.experiment.units import CURVES, TIME_UNITS
 from calibrate.inference.forecast import Forecast
 from calibrate.inference.identify import (
@@ -25,7 +25,8 @@ from calibrate.inference.identify import (
 from calibrate.inference.misfit import agreement
 from calibrate.inference.posterior import Posterior
 from calibrate.inference.profile import LEVELS, Profile
-from calibrate.least_squares.fit import Fit, pseudo_huber
+from calibrate.least_squares.fit import Fit
+from calibrate.least_squares.programs import pseudo_huber
 from calibrate.problem.problem import Problem
 from calibrate.report.figures import spelled
 from mrjax import Parameters, terminal_velocity
@@ -243,7 +244,7 @@ def _parameters(
     return table
 
 
-def _at_end(one: Fitted, x: float) -> float:
+def _at_end(one: FreeParameter, x: float) -> float:
     if np.isfinite(x):
         return float(one.value(x))
     return one.bounds[1] if one.bounds else np.inf

@@ -13,10 +13,10 @@ import pytest
 import calibrate
 import mrjax
 from calibrate import Experiment, LogNormal, Problem, report
-from calibrate.experiment.experiment import Measurement, Sample
-from calibrate.experiment.free_parameters import ParameterSheet, fitted
+from calibrate.experiment.free_parameters import ParameterSheet, free_parameters
+from calibrate.experiment.sample import Measurement, Sample
 from calibrate.experiment.suspension import Suspension, suspension
-from calibrate.problem.solve import calibrated
+from calibrate.problem.solve import fit_experiment
 from mrjax.laws import drag
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
@@ -375,13 +375,13 @@ def test_a_model_is_prepared_again_where_the_fit_leads(tube):
     for median in (1.1, 40.0):
         shape = FREE_SHAPE.format(median)
         tube.write_text(TUBE.replace('name = "f_s"\nvalue = 1.1', shape))
-        problem, found = calibrated(Experiment.load(tube), coarse)
+        problem, found = fit_experiment(Experiment.load(tube), coarse)
         assert found.converged and problem.holds_at(found.theta)
         assert not problem.holds_at({**found.theta, "f_s": 16.0 * found.theta["f_s"]})
         ends.append(found.theta["f_s"])
     # A fit has converged at 0.01 of its error, which is 40 % here: the exponent's prior is in it.
     assert float(ends[1]) == near(float(ends[0]), rel=0.02)
-    _, begun = calibrated(Experiment.load(tube), coarse, begin_with="closed-form")
+    _, begun = fit_experiment(Experiment.load(tube), coarse, begin_with="closed-form")
     assert float(begun.theta["f_s"]) == near(float(ends[1]), rel=0.02)
 
 
@@ -390,7 +390,7 @@ def test_a_fit_that_leads_far_from_where_its_model_holds_has_not_converged(tube,
     monkeypatch.setattr("calibrate.problem.solve.MOST_PREPARED", 1)
     tube.write_text(TUBE.replace('name = "f_s"\nvalue = 1.1', FREE_SHAPE.format(0.5)))
     coarse = partial(calibrate.FORWARD_MODELS["column"], cells=20)
-    problem, found = calibrated(Experiment.load(tube), coarse)
+    problem, found = fit_experiment(Experiment.load(tube), coarse)
     assert not problem.holds_at(found.theta) and not found.converged
     by_itself = calibrate.fit(problem.residuals, problem.near, priors=problem.priors)
     assert by_itself.converged
@@ -401,7 +401,7 @@ def test_where_nothing_is_felt_there_is_no_optimum(tube):
     lines = TUBE.split("[[parameter]]")[0].replace("final_ratio", "# final_ratio")
     bed = '[[parameter]]\nname = "bed_fraction"\nvalue = 0.6\n'
     tube.write_text(f"{lines}{bed}[[parameter]]\n{FREE_SHAPE.format(1e-3)}")
-    _, found = calibrated(Experiment.load(tube), "closed-form")
+    _, found = fit_experiment(Experiment.load(tube), "closed-form")
     assert not found.converged
 
 
@@ -412,7 +412,7 @@ def test_what_another_prior_bounds_is_not_called_undetermined(tube):
     ends = {}
     for name in ("bounded", "open"):
         tube.write_text(text if name == "bounded" else text.replace(PRIOR_OF_EXPONENT, ""))
-        problem, found = calibrated(Experiment.load(tube), "closed-form")
+        problem, found = fit_experiment(Experiment.load(tube), "closed-form")
         predicted = np.asarray(problem.predict(found.theta))
         result = report.summary(problem, found, calibrate.identify(found), predicted)
         ends[name] = result["carried_by_priors_alone"], result["undetermined"]
@@ -436,7 +436,7 @@ def test_a_fit_warns_where_the_model_ends(tube):
     sample = '[[sample]]\nname = "G"\nrecipe = "coarse.toml"\n'
     velocity = 'initial_velocity = {value = 20.0, unit = "mm/s", standard_deviation = 1.0}\n'
     tube.write_text(f'name = "g"\n{sample}{velocity}[[parameter]]\nname = "f_s"\nmedian = 1.0\n')
-    problem, found = calibrated(Experiment.load(tube), "closed-form")
+    problem, found = fit_experiment(Experiment.load(tube), "closed-form")
     predicted = np.asarray(problem.predict(found.theta))
     result = report.summary(problem, found, calibrate.identify(found), predicted)
     reynolds = 950.0 * 20e-3 * 2e-3 / 0.01
@@ -456,8 +456,8 @@ def test_an_error_may_be_none_or_unbounded(error, words):
 
 def test_parameters_of_one_name_have_labels_of_their_own():
     sheet = ParameterSheet(name="f_s", median=1.1, samples=["A"])
-    assert [one.label for one in fitted(sheet, ["A", "B"], once=False)] == ["f_s[A]"]
-    assert [one.label for one in fitted(sheet, ["A", "B"])] == ["f_s"]
+    assert [one.label for one in free_parameters(sheet, ["A", "B"], once=False)] == ["f_s[A]"]
+    assert [one.label for one in free_parameters(sheet, ["A", "B"])] == ["f_s"]
 
 
 def test_a_model_may_be_given_as_such(tube):

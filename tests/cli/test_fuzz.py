@@ -389,7 +389,7 @@ def nothing_is_computed(monkeypatch, tmp_path):
     monkeypatch.setattr(mrjax, "disperse", reached)
     monkeypatch.setattr(processes, "join", reached)
     monkeypatch.setattr(table, "simulated", reached)
-    monkeypatch.setattr(calibrate.problem.solve, "calibrated", reached)
+    monkeypatch.setattr(calibrate.problem.solve, "fit_experiment", reached)
 
 
 TOLD = st.sampled_from(

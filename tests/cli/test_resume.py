@@ -21,7 +21,8 @@ import pytest
 
 import mrjax
 from calibrate.inference import posterior, profile
-from calibrate.least_squares.fit import LogNormal, fit
+from calibrate.least_squares.fit import fit
+from calibrate.least_squares.priors import LogNormal
 from mrjax.cli import commands, resume
 from mrjax.dem import schedule
 from mrjax.io import checkpoint, npz

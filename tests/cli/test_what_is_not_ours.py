@@ -16,7 +16,7 @@ from calibrate.experiment.experiment import Experiment
 from calibrate.inference.forecast import leave_one_out
 from calibrate.least_squares.fit import fit
 from calibrate.problem.problem import Problem
-from calibrate.problem.solve import calibrated
+from calibrate.problem.solve import fit_experiment
 from mrjax import InputError
 from mrjax.cli import commands, resume
 from mrjax.core.trajectory import Trajectory
@@ -158,7 +158,7 @@ def test_a_users_own_folder_survives_every_function(here, make):
         lambda: mrjax.sedimentation(case2, checkpoint="mine"),
         lambda: fit(bent, BENT, checkpoint="mine"),
         lambda: calibrate.inference.posterior.posterior(found, checkpoint="mine"),
-        lambda: calibrated(experiment, "closed-form", checkpoint="mine"),
+        lambda: fit_experiment(experiment, "closed-form", checkpoint="mine"),
         lambda: Problem.prepare(experiment, "closed-form", checkpoint="mine"),
         lambda: leave_one_out(experiment, "closed-form", checkpoint="mine"),
     ):

@@ -28,7 +28,7 @@ from calibrate import Experiment, report
 from calibrate.inference.identify import identify
 from calibrate.inference.posterior import Posterior
 from calibrate.inference.profile import profiles
-from calibrate.problem.solve import calibrated
+from calibrate.problem.solve import fit_experiment
 from calibrate.report import figures as fit_figures
 from mrjax import Recipe, figures
 from mrjax.cli import commands
@@ -242,7 +242,7 @@ def fitted(tmp_path_factory):
     folder = tmp_path_factory.mktemp("fitted")
     (folder / "e.toml").write_text(EXPERIMENT)
     (folder / "c.csv").write_text("time,mudline\n1,96\n2,93\n")
-    problem, fit = calibrated(Experiment.load(folder / "e.toml"), "closed-form")
+    problem, fit = fit_experiment(Experiment.load(folder / "e.toml"), "closed-form")
     held = profiles(fit)
     names = tuple(one.label for one in problem.experiment.parameters)
     draws = np.random.default_rng(0).normal(1.0, 0.1, (200, len(names)))

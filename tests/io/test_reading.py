@@ -266,7 +266,7 @@ def test_a_recipe_of_many_samples_is_read_once(tmp_path, monkeypatch):
     load, of = Recipe.load, Recipe.parameters
     monkeypatch.setattr(Recipe, "load", lambda source: recipes.append(source) or load(source))
     monkeypatch.setattr(Recipe, "parameters", lambda self: parameters.append(self) or of(self))
-    monkeypatch.setattr("calibrate.experiment.plausibility.oddities", lambda _experiment: ())
+    monkeypatch.setattr("calibrate.experiment.plausibility.oddities", lambda *_: ())
     sample = '[[sample]]\nname = "{}"\nrecipe = "case2"\nfinal_ratio = {{value = 0.8, ' + (
         "standard_deviation = 0.1}}\n"
     )

@@ -116,8 +116,8 @@ import sys
 import jax
 jax.config.update("jax_enable_x64", True)
 import calibrate
-from calibrate.problem.solve import calibrated
-_, fit = calibrated(calibrate.Experiment.load("fang2005"), "closed-form")
+from calibrate.problem.solve import fit_experiment
+_, fit = fit_experiment(calibrate.Experiment.load("fang2005"), "closed-form")
 assert fit.converged
 assert "jax" in sys.modules and "optax" in sys.modules
 unused = {"mrjax.core._jax_md", "mrjax.simulation.simulate"}

@@ -6,7 +6,7 @@ import pytest
 
 import mrjax
 from calibrate import Experiment, Problem
-from calibrate.problem.solve import calibrated
+from calibrate.problem.solve import fit_experiment
 
 SAMPLE = """
 [[sample]]
@@ -93,9 +93,9 @@ def test_a_mudline_of_what_rises_may_begin_at_the_floor():
     recipe = mrjax.Recipe.load("case3")
     from calibrate.experiment import plausibility
 
-    assert plausibility._sinks(recipe)
+    assert plausibility.sinks(recipe)
     light = recipe.coating.model_copy(update={"density": 10.0, "radius_factor": 3.0})
-    assert not plausibility._sinks(recipe.model_copy(update={"coating": light}))
+    assert not plausibility.sinks(recipe.model_copy(update={"coating": light}))
 
 
 @pytest.mark.parametrize("value, unit", [(8.0, "mm/s"), (8.0e-6, "mm/day")])
@@ -150,7 +150,7 @@ def test_readings_that_say_nothing_determine_nothing(tmp_path, lines, model):
     from calibrate import identify
 
     experiment = load(tmp_path, lines)
-    _, found = calibrated(experiment, model)
+    _, found = fit_experiment(experiment, model)
     said = identify(found)
     assert 1e-6 <= found.values[0] <= 1e9
     assert said.determined == {"f_w": False} and said.status == {"f_w": "free"}
@@ -166,7 +166,7 @@ def test_a_bed_is_no_thinner_than_its_suspension(tmp_path):
     text = (tmp_path / "one.toml").read_text().replace("bed_fraction = 0.5", "")
     bed = 'name = "bed_fraction"\nmedian = 0.45\nlog_standard_deviation = 0.3'
     (tmp_path / "one.toml").write_text(text.replace('name = "f_w"\nmedian = 50.0', bed))
-    problem, found = calibrated(Experiment.load(tmp_path / "one.toml"), "closed-form")
+    problem, found = fit_experiment(Experiment.load(tmp_path / "one.toml"), "closed-form")
     solids = mrjax.Recipe.load("case2").coated_volume_fraction
     assert found.converged and solids < found.values[0] < 1.002 * solids
     assert (problem.predict(found.theta) <= 100.0).all()

@@ -12,7 +12,7 @@ import calibrate
 import mrjax
 from calibrate import Experiment, LogNormal, Problem, report
 from calibrate import fit as fitted_to
-from calibrate.experiment.free_parameters import Fitted
+from calibrate.experiment.free_parameters import FreeParameter
 from calibrate.inference.forecast import forecast, leave_one_out, like
 from calibrate.inference.posterior import posterior
 from calibrate.inference.profile import profiles
@@ -213,7 +213,7 @@ def test_a_prediction_along_a_direction_that_nothing_bounds_is_open(fang):
         fang.name,
         fang.samples[:1],
         tuple(
-            Fitted(one.label, one.name, ("A",), one.median, None)
+            FreeParameter(one.label, one.name, ("A",), one.median, None)
             for one in fang.parameters
             if one.name in ("f_w", "f_s")
         )

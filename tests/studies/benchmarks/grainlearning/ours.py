@@ -5,7 +5,8 @@ import numpy as np
 
 from calibrate.inference.identify import identify
 from calibrate.inference.posterior import posterior
-from calibrate.least_squares.fit import LogNormal, fit
+from calibrate.least_squares.fit import fit
+from calibrate.least_squares.priors import LogNormal
 
 from .problem import FRACTIONS, RANGE, TRUTH, Moments, errors
 

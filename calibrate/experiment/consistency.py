@@ -1,0 +1,65 @@
+"""Whether the samples and parameters of an experiment go together."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from calibrate.experiment import plausibility
+from calibrate.experiment.sample import Sample
+from calibrate.experiment.sheets import ExperimentSheet
+from calibrate.experiment.suspension import BED, CLOSURE, refuse_unknown
+from mrjax import InputError
+from mrjax.core.errors import shown
+
+
+def refuse_parameters(sheet: ExperimentSheet, samples: tuple[Sample, ...], source: str) -> None:
+    """Passes where each sample has what is fitted of it, once."""
+    of: dict[str, list[str]] = {sample.name: [] for sample in samples}
+    for parameter in sheet.parameter:
+        for name in parameter.samples or of:
+            of[name].append(parameter.name)
+    made = {id(sample.recipe): sample.recipe for sample in samples}
+    leaves = {key: recipe.parameters() for key, recipe in made.items()}
+    for sample in samples:
+        for name in of[sample.name]:
+            try:
+                refuse_unknown(name, sample.recipe, leaves[id(sample.recipe)])
+                _refuse_twice(name, sample, of[sample.name])
+            except InputError as error:
+                at = f"parameter.name = {shown(name)}: sample {shown(sample.name)}"
+                raise InputError(f"{source}: {at}: {error}") from None
+
+
+def _refuse_twice(name: str, sample: Sample, names: list[str]) -> None:
+    """Passes where no other of the names, nor the sample itself, says the same."""
+    if name == "f_w" and (clash := sorted(one for one in names if one.startswith(CLOSURE))):
+        raise InputError(f"f_w follows from {clash[0]}; fit one of the two")
+    if name == BED and sample.bed_fraction is not None:
+        raise InputError(
+            f"has bed_fraction = {sample.bed_fraction!r} of its own; take one of them away"
+        )
+
+
+def refuse_a_file_twice(sheet: ExperimentSheet, folder: Path, source: str) -> None:
+    """Passes where each sample has readings of its own: those that count twice seem better."""
+    of: dict[Path, str] = {}
+    for sample in sheet.sample:
+        if sample.curve is None:
+            continue
+        path = (folder / sample.curve.file).resolve()
+        if path in of:
+            raise InputError(
+                f"{source}: sample {sample.name!r}: curve.file = {sample.curve.file!r} is that of "
+                f"sample {of[path]!r}, too, and its readings would count twice; give each its own"
+            )
+        of[path] = sample.name
+
+
+def odd_readings(sheet: ExperimentSheet, samples: tuple[Sample, ...], source: str) -> Iterator[str]:
+    """What is odd about the curve of each sample."""
+    for one, sample in zip(sheet.sample, samples, strict=True):
+        if one.curve is not None:
+            try:
+                said = plausibility.refuse_senseless(sample, one.curve.time_unit)
+            except InputError as error:
+                raise InputError(f"{source}: sample {sample.name!r}: {error}") from None
+            yield from (f"sample {sample.name!r}: {odd}" for odd in said)

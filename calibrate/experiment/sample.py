@@ -1,0 +1,42 @@
+"""What was measured on one suspension: numbers with their uncertainty, and what it is made of."""
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+from mrjax import Recipe
+
+
+class Measurement(NamedTuple):
+    """One number with its uncertainty, both in `unit`, which is `si` in SI."""
+
+    observable: str
+    """What was measured: `initial_velocity`, `final_ratio`, `viscosity_ratio`, or of a curve
+    `mudline` or `sedimentation_ratio`."""
+    value: float
+    """In `unit`."""
+    standard_deviation: float
+    """Of the value, in `unit`."""
+    unit: str
+    """Its name, such as `mm/day`."""
+    si: float
+    """The unit in SI."""
+    place: int | None = None
+    """Which point of the sample's curve this is."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """One suspension that was measured."""
+
+    name: str
+    """As the experiment has it."""
+    recipe: Recipe
+    """What the sample is made of."""
+    height: float
+    """Of the suspension when dispersed, m."""
+    bed_fraction: float | Literal["particles"] | None
+    """Of the coated particles in the bed at rest; "particles": as a simulated bed packs them."""
+    measurements: tuple[Measurement, ...]
+    """All that was measured on it."""
+    times: tuple[float, ...] = ()
+    """Of the points of its curve, (T,) in s."""

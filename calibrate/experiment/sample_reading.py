@@ -1,0 +1,98 @@
+"""A sample from its table: the recipe it names, and its readings."""
+
+from pathlib import Path
+
+from calibrate.experiment import curve
+from calibrate.experiment.sample import Measurement, Sample
+from calibrate.experiment.sheets import SampleSheet
+from calibrate.experiment.units import RATIO_UNITS, VELOCITY_UNITS
+from mrjax import InputError, Recipe
+from mrjax.core.errors import shown
+from mrjax.io import reading
+
+
+def read_sample(
+    sheet: SampleSheet, folder: Path, source: str, recipes: dict[Path, Recipe]
+) -> Sample:
+    """The sample of a table.
+
+    Args:
+      sheet: its table.
+      folder: that of the experiment file, from which paths are.
+      source: the experiment, as messages name it.
+      recipes: those that were read already, by path; a further one is added.
+
+    Raises:
+      InputError: a recipe or curve that cannot be used, or particles that rise.
+    """
+    recipe = _recipe(sheet, folder, source, recipes)
+    measurements = _readings_at_one_time(sheet)
+    times: tuple[float, ...] = ()
+    if sheet.curve:
+        if sheet.height is None:
+            raise InputError(
+                f"{source}: sample {shown(sheet.name)}: height is missing; give that of the "
+                "suspension in its tube in m, which a curve needs"
+            )
+        read = curve.read(sheet.curve, folder)
+        times = tuple(read.times)
+        measurements += [
+            Measurement(read.observable, value, error, read.unit, read.si, place)
+            for place, (value, error) in enumerate(zip(read.values, read.errors, strict=True))
+        ]
+    if ratio := sheet.viscosity_ratio:
+        measurements.append(
+            Measurement("viscosity_ratio", ratio.value, ratio.standard_deviation, "1", 1.0)
+        )
+    return Sample(
+        sheet.name,
+        recipe,
+        recipe.box.height if sheet.height is None else sheet.height,
+        sheet.bed_fraction,
+        tuple(measurements),
+        times,
+    )
+
+
+def _recipe(sheet: SampleSheet, folder: Path, source: str, recipes: dict[Path, Recipe]) -> Recipe:
+    beside = folder / sheet.recipe
+    try:
+        if beside not in recipes:
+            read_from = beside if reading.is_file(beside) else sheet.recipe
+            recipes[beside] = Recipe.load(read_from)
+        recipe = recipes[beside]
+    except InputError as error:
+        raise InputError(f"{source}: sample {shown(sheet.name)}: recipe {error}") from None
+    if recipe.apparent_density < recipe.fluid.density:
+        raise InputError(
+            f"{source}: sample {shown(sheet.name)}: its particles, at "
+            f"{recipe.apparent_density:.5g} kg/m^3, are lighter than the fluid and rise; a fit "
+            "reads mudlines that fall: give a heavier particle or a lighter fluid"
+        )
+    return recipe
+
+
+def _readings_at_one_time(sheet: SampleSheet) -> list[Measurement]:
+    """The initial velocity and the final ratio, where they were measured."""
+    measurements = []
+    if velocity := sheet.initial_velocity:
+        measurements.append(
+            Measurement(
+                "initial_velocity",
+                velocity.value,
+                velocity.standard_deviation,
+                velocity.unit,
+                VELOCITY_UNITS[velocity.unit],
+            )
+        )
+    if final := sheet.final_ratio:
+        measurements.append(
+            Measurement(
+                "final_ratio",
+                final.value,
+                final.standard_deviation,
+                final.unit,
+                RATIO_UNITS[final.unit],
+            )
+        )
+    return measurements

@@ -1,0 +1,132 @@
+"""The TOML file of an experiment: its tables, and what is wrong with one."""
+
+from collections import Counter
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, field_validator, model_validator
+
+from calibrate.experiment.curve import CurveSheet
+from calibrate.experiment.free_parameters import ParameterSheet
+from calibrate.experiment.units import RATIO_UNITS, VELOCITY_UNITS, one_of
+from mrjax.core.errors import shown
+from mrjax.recipe.sheets import FileName, Name, Sheet
+
+MOST = 1000
+"""Samples, or parameters, of an experiment."""
+
+
+class InitialVelocity(Sheet):
+    """Rate at which the boundary of the suspension descends at first."""
+
+    value: float = Field(gt=0, description="the measured velocity, above zero")
+    standard_deviation: float = Field(gt=0, description="its uncertainty, above zero")
+    unit: Annotated[str, one_of(VELOCITY_UNITS)] = Field(
+        description=f"one of {', '.join(VELOCITY_UNITS)}"
+    )
+
+
+class FinalRatio(Sheet):
+    """Height of the bed at rest over that of the dispersed suspension."""
+
+    value: float = Field(gt=0, description="the measured ratio, above zero")
+    standard_deviation: float = Field(gt=0, description="its uncertainty, above zero")
+    unit: Annotated[str, one_of(RATIO_UNITS)] = Field(default="1", description="1 or %")
+
+    @model_validator(mode="after")
+    def _a_ratio(self) -> Self:
+        if self.value * RATIO_UNITS[self.unit] > 1.0:
+            raise ValueError(
+                f"final_ratio.value = {self.value:g}: must be at most 1, or 100 with unit = "
+                '"%": a bed is no higher than its suspension'
+            )
+        return self
+
+
+class ViscosityRatio(Sheet):
+    """Rheometer: viscosity of the fluid with additives over that of the base fluid."""
+
+    value: float = Field(gt=0, description="the measured ratio, above zero")
+    standard_deviation: float = Field(gt=0, description="its uncertainty, above zero")
+
+
+class SampleSheet(Sheet):
+    """One suspension that was measured."""
+
+    name: Name = Field(description="a name for the sample")
+    recipe: FileName = Field(description="a bundled recipe's name, or a path from this file")
+    height: float | None = Field(
+        default=None, gt=0, description="of the suspension in its tube in m, above zero"
+    )
+    bed_fraction: float | Literal["particles"] | None = Field(
+        default=None,
+        description='the volume fraction of coated particles in the bed at rest, or "particles"',
+    )
+    initial_velocity: InitialVelocity | None = Field(
+        default=None, description="a table with value, standard_deviation and unit"
+    )
+    final_ratio: FinalRatio | None = Field(
+        default=None, description="a table with value and standard_deviation"
+    )
+    curve: CurveSheet | None = Field(
+        default=None, description="a table with file, time_unit, unit and standard_deviation"
+    )
+    viscosity_ratio: ViscosityRatio | None = Field(
+        default=None, description="a table with value and standard_deviation"
+    )
+
+    @field_validator("bed_fraction")
+    @classmethod
+    def _a_fraction(cls, bed_fraction: float | str | None) -> float | str | None:
+        if isinstance(bed_fraction, float) and not 0 < bed_fraction < 1:
+            raise ValueError(f"bed_fraction = {bed_fraction:g}: must be between 0 and 1, about 0.6")
+        return bed_fraction
+
+
+class ExperimentSheet(Sheet):
+    """A TOML file of samples and parameters."""
+
+    name: Name = Field(description="a name for the experiment")
+    sample: list[SampleSheet] = Field(
+        min_length=1, max_length=MOST, description=f"one [[sample]] for each, at most {MOST}"
+    )
+    parameter: list[ParameterSheet] = Field(
+        min_length=1, max_length=MOST, description=f"one [[parameter]] for each, at most {MOST}"
+    )
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        names = [sample.name for sample in self.sample]
+        for name, count in Counter(names).items():
+            if count > 1:
+                raise ValueError(
+                    f"sample.name = {shown(name)}: given twice; give each its own name"
+                )
+        for sample in self.sample:
+            measured = (
+                sample.initial_velocity,
+                sample.final_ratio,
+                sample.curve,
+                sample.viscosity_ratio,
+            )
+            if not any(measured):
+                raise ValueError(
+                    f"sample {shown(sample.name)}: nothing was measured; give it a table "
+                    "initial_velocity, final_ratio, curve or viscosity_ratio"
+                )
+        known, taken = set(names), set()
+        for parameter in self.parameter:
+            for name in parameter.samples or names:
+                if name not in known:
+                    raise ValueError(
+                        f"parameter {shown(parameter.name)}: samples = {shown(name)}: no such "
+                        f"sample; known: {', '.join(names)}"
+                    )
+                if (parameter.name, name) in taken:
+                    raise ValueError(
+                        f"parameter.name = {shown(parameter.name)}: given twice for sample "
+                        f"{shown(name)}; keep one"
+                    )
+                taken.add((parameter.name, name))
+        if all(parameter.value is not None for parameter in self.parameter):
+            raise ValueError("every [[parameter]] is held at a value; give one a median to fit it")
+        return self

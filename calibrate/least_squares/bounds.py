@@ -1,0 +1,23 @@
+"""Bounds of what is fitted, in logarithms."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Bounds(NamedTuple):
+    """Bounds of each coordinate, (P,)."""
+
+    lower: np.ndarray
+    upper: np.ndarray
+
+    def clip(self, at: np.ndarray) -> np.ndarray:
+        """The nearest within the bounds."""
+        return np.clip(at, self.lower, self.upper)
+
+
+def log_bounds(names: tuple[str, ...], bounds: dict[str, tuple[float, float]]) -> Bounds:
+    """Bounds of the logarithms, (P,)."""
+    ends = np.array([bounds.get(name, (0.0, np.inf)) for name in names], float)
+    with np.errstate(divide="ignore"):
+        return Bounds(*np.log(ends.T))

@@ -1,0 +1,52 @@
+"""The model as all stages of a fit ask it, and their common progress bar."""
+
+from typing import NamedTuple
+
+import numpy as np
+from tqdm import tqdm
+
+from calibrate.least_squares.bounds import Bounds
+from calibrate.least_squares.levenberg import Point
+from calibrate.least_squares.programs import Given, Programs
+
+
+class Evaluator(NamedTuple):
+    """What asks the model, for all stages of a fit, and shows how far they are."""
+
+    programs: Programs
+    given: Given
+    box: Bounds
+    bar: tqdm
+
+    def at(self, logs: np.ndarray) -> Point:
+        """Residuals and slopes at logarithms, (P,); one run of the model."""
+        jacobian, value = map(np.asarray, self.programs.linearised(logs, self.given))
+        return Point(half_square(value), logs, jacobian, value)
+
+    def tell(self, stage: str, loss: float) -> None:
+        """Shows one more iteration, and how good the best so far is."""
+        self.bar.set_description_str(stage, refresh=False)
+        self.bar.set_postfix_str(f"chi-squared {2.0 * loss:.6g}", refresh=False)
+        self.bar.update()
+
+
+def progress_bar(progress: bool) -> tqdm:
+    """The bar of a fit, on standard error."""
+    return tqdm(
+        desc="search",
+        disable=not progress,
+        leave=False,
+        bar_format="fit: {desc}, iteration {n}, {elapsed}{postfix}",
+    )
+
+
+def half_square(value: np.ndarray) -> float:
+    """Half the sum of squares, infinite where it is not a number."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        loss = 0.5 * float(value @ value)
+    return loss if np.isfinite(loss) else np.inf
+
+
+def finite(*arrays: np.ndarray) -> bool:
+    """True if all arrays hold numbers alone."""
+    return all(bool(np.isfinite(array).all()) for array in arrays)

@@ -1,0 +1,138 @@
+"""The compiled programs of a fit: residuals with priors, and their Jacobian."""
+
+from collections.abc import Callable
+from functools import lru_cache, partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+
+from calibrate.least_squares.interruptible import watched
+from calibrate.least_squares.unknowns import tree
+from mrjax import InputError
+from mrjax.io.checkpoint import Checkpoint, digest
+
+AT_ONCE = 8
+"""Models that are run side by side, for as many starts."""
+
+
+class Given(NamedTuple):
+    """What a compiled fit takes beside the values."""
+
+    data: Any
+    median: np.ndarray  # logarithms of the priors' medians, (K,)
+    weight: np.ndarray  # 1 / log_standard_deviation of the priors, (K,)
+
+
+class Programs(NamedTuple):
+    """The programs of a fit: of logarithms, (P,), and what is given."""
+
+    traceable: Callable[[ArrayLike, Given], Array]  # for programs that have it within
+    everything: Callable[[ArrayLike, Given], Array]  # residuals and priors, (M + K,)
+    linearised: Callable[[ArrayLike, Given], tuple[Array, Array]]  # Jacobian and residuals
+
+
+@lru_cache(maxsize=16)
+def compiled(
+    residuals: Callable[..., Array],
+    structure: Any,
+    shapes: tuple[tuple[int, ...], ...],
+    held: tuple[int, ...],
+    robust: float | None,
+    without_data: bool,
+) -> Programs:
+    """Programs of residuals of a pytree of this structure.
+
+    Args:
+      residuals: as for `fit`.
+      structure, shapes: of the pytree.
+      held: places of the values that have a prior.
+      robust: as for `fit`.
+      without_data: whether the residuals take no data.
+    """
+    places = np.array(held, int)
+
+    @jax.jit
+    def everything(logs: Array, given: Given) -> Array:
+        theta = tree(jnp.exp(logs), structure, shapes)
+        vector = jnp.atleast_1d(residuals(theta) if without_data else residuals(theta, given.data))
+        if vector.ndim != 1 or not vector.size:
+            raise InputError(
+                f"residuals: have shape {vector.shape}; give a vector of at least one, "
+                "(prediction - measurement) / standard deviation of each measurement"
+            )
+        if robust is not None:
+            vector = pseudo_huber(vector, robust)
+        return jnp.concatenate([vector, given.weight * (logs[places] - given.median)])
+
+    def with_value(logs: Array, given: Given) -> tuple[Array, Array]:
+        value = everything(logs, given)
+        return value, value
+
+    linearised = watched(jax.jit(jax.jacfwd(with_value, has_aux=True)))
+    return Programs(everything, watched(everything), linearised)
+
+
+def pseudo_huber(residuals: Array, longest: float) -> Array:
+    """Residuals whose squares are 2 d^2 (sqrt(1 + (r/d)^2) - 1): r near zero, else sqrt(2 d r)."""
+    size = jnp.sqrt(1.0 + (residuals / longest) ** 2)
+    return residuals * jnp.sqrt(2.0 / (1.0 + size))
+
+
+def count_residuals(programs: Programs, logs: np.ndarray, given: Given) -> int:
+    """How many residuals there are, priors included.
+
+    Raises:
+      InputError: none, or not a vector of one size.
+    """
+    try:
+        shape = jax.eval_shape(programs.traceable, logs, given).shape
+    except (jax.errors.ConcretizationTypeError, jax.errors.NonConcreteBooleanIndexError) as error:
+        raise InputError(
+            "residuals: their number, or a choice in them, hangs on the values, so that JAX cannot "
+            "compile them; give as many for all values, with jnp.where in place of `if` and of "
+            "boolean indices"
+        ) from error
+    return int(shape[0])
+
+
+def over_starts(function: Callable, starts: int) -> Callable:
+    """A compiled function over the leading axis of all that it takes and gives, as numpy arrays.
+
+    So many at once at most: between two calls Python sees signals.
+    """
+    mapped = watched(jax.jit(jax.vmap(function)))
+
+    def over_all(*arguments: Any) -> Any:
+        if starts == 1:  # not mapped: a forward model may be slower that way
+            result = function(*jax.tree.map(lambda leaf: leaf[0], arguments))
+            return jax.tree.map(lambda leaf: np.asarray(leaf)[None], result)
+        if starts <= AT_ONCE:
+            return jax.tree.map(np.asarray, mapped(*arguments))
+        results = []
+        for first in range(0, starts, AT_ONCE):
+            # The last of them are filled up, for one program.
+            rows = np.minimum(np.arange(first, first + AT_ONCE), starts - 1)
+            some = mapped(*jax.tree.map(partial(np.take, indices=rows, axis=0), arguments))
+            results.append(jax.tree.map(np.asarray, some))
+        return jax.tree.map(lambda *leaves: np.concatenate(leaves)[:starts], *results)
+
+    return over_all
+
+
+def remembered(work: Checkpoint, name: str, function: Callable) -> Callable:
+    """A compiled function of logarithms, and of what is given, that keeps what it gave."""
+
+    def recall_or_call(logs: np.ndarray, *given: Given) -> Any:
+        label = f"{name}-{digest(logs)}"
+        if (kept := work.kept(label)) is not None:
+            leaves = list(kept[0].values())
+        else:
+            leaves = jax.tree.leaves(function(logs, *given))
+            work.keep(label, {str(place): array for place, array in enumerate(leaves)})
+        return leaves[0] if len(leaves) == 1 else tuple(leaves)
+
+    return recall_or_call
