@@ -10,7 +10,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mrjax import InputError, SimulationError
-from mrjax.cli import commands
+from mrjax.cli import environment, options, provenance, templates
+from mrjax.cli.completion import sheet_names
+from mrjax.cli.exit_status import EXIT_STATUS, run
+from mrjax.cli.terminal import echo
 from mrjax.core.text import in_toml
 
 if TYPE_CHECKING:
@@ -30,8 +33,8 @@ def _new_experiment(context: click.Context, _option: click.Parameter, file: Path
         for name in ("template.toml", "template.csv")
     )
     template = template.replace('"template.csv"', in_toml(readings.name))
-    commands.write_new({file: template, readings: example})
-    commands.echo(
+    templates.write_new({file: template, readings: example})
+    echo(
         f"Put your readings into {readings}, and into {file} what they are of; then: "
         f"mrjax-calibrate {file} --model column"
     )
@@ -39,7 +42,7 @@ def _new_experiment(context: click.Context, _option: click.Parameter, file: Path
 
 
 @click.command(
-    epilog=commands.EXIT_STATUS,
+    epilog=EXIT_STATUS,
     help="""Fits an EXPERIMENT, bundled (fang2005, synthetic) or a TOML file of samples and
     parameters.
 
@@ -67,8 +70,8 @@ def _new_experiment(context: click.Context, _option: click.Parameter, file: Path
     metavar="FILE",
     help="Writes a commented experiment to FILE, to start from, and readings beside it; then ends.",
 )
-@click.argument("experiment", shell_complete=commands.sheet_names("calibrate.experiment.bundled"))
-@commands.out_option("fit")
+@click.argument("experiment", shell_complete=sheet_names("calibrate.experiment.bundled"))
+@options.out_option("fit")
 @click.option(
     "--model",
     default="particles",
@@ -90,7 +93,7 @@ def _new_experiment(context: click.Context, _option: click.Parameter, file: Path
 )
 @click.option(
     "--robust",
-    type=commands.Finite(0, min_open=True),
+    type=options.Finite(0, min_open=True),
     metavar="SIGMAS",
     help="Residuals beyond this count linearly, so that outliers pull less.",
 )
@@ -99,16 +102,16 @@ def _new_experiment(context: click.Context, _option: click.Parameter, file: Path
 @click.option(
     "--predict",
     metavar="RECIPE",
-    shell_complete=commands.sheet_names("mrjax.recipe.bundled"),
+    shell_complete=sheet_names("mrjax.recipe.bundled"),
     help="Predicts a recipe that was not measured.",
 )
 @click.option("--like", metavar="SAMPLE", help="The sample whose parameters that recipe shares.")
-@commands.pdf_option
-@commands.resume_option
-@commands.seed_option
-@commands.dtype_option
-@commands.quiet_option
-@commands.json_option
+@options.pdf_option
+@options.resume_option
+@options.seed_option
+@options.dtype_option
+@options.quiet_option
+@options.json_option
 def cli(
     experiment: str,
     out: str,
@@ -129,7 +132,7 @@ def cli(
 ) -> None:
     """Fits an experiment and reports."""
     began = time.perf_counter()
-    commands.start_jax(dtype)
+    environment.start_jax(dtype)
     import numpy as np
 
     from calibrate import report
@@ -141,12 +144,12 @@ def cli(
     from calibrate.inference.profile import profiles
     from calibrate.problem.solve import fit_experiment
     from calibrate.report import figures as report_figures
-    from mrjax.cli.resume import kept
+    from mrjax.cli.resume import checkpointed
     from mrjax.io import files
 
     loaded = Experiment.load(experiment)
     for warning in loaded.warnings:  # before the work that it may save
-        commands.echo(f"mrjax-calibrate: warning: {warning}", err=True)
+        echo(f"mrjax-calibrate: warning: {warning}", err=True)
     _refuse_options(model, begin_with, predict, like)
     if leave_one_out:
         forecast.refuse_leaving_out(loaded)
@@ -154,13 +157,13 @@ def cli(
         refuse_without_sampler()
     new = None if predict is None else _new(loaded, predict, like)
     folder = files.result_folder(Path(out))
-    options: dict[str, Any] = dict(begin_with=begin_with, starts=starts, seed=seed, robust=robust)
-    work = dict(command="fit", experiment=loaded, model=model, **options, dtype=dtype)
+    choices: dict[str, Any] = dict(begin_with=begin_with, starts=starts, seed=seed, robust=robust)
+    work = dict(command="fit", experiment=loaded, model=model, **choices, dtype=dtype)
     writes = ["fit.json", "report.md", "report.html"]
-    with kept(folder, resume, quiet, writes, **work) as checkpoint:
+    with checkpointed(folder, resume, quiet, writes, **work) as checkpoint:
         try:
             problem, fitted = fit_experiment(
-                loaded, model, **options, progress=not quiet, checkpoint=checkpoint / "fit"
+                loaded, model, **choices, progress=not quiet, checkpoint=checkpoint / "fit"
             )
         except ValueError as error:
             raise InputError(str(error)) from None
@@ -186,7 +189,7 @@ def cli(
                 left_out = forecast.leave_one_out(
                     loaded,
                     model,
-                    **options,
+                    **choices,
                     checkpoint=checkpoint / "left-out",
                     progress=not quiet,
                 )
@@ -209,7 +212,7 @@ def cli(
             "begun_with": begin_with,
             "seed": seed,
             "dtype": dtype,
-            "versions": commands.versions(),
+            "versions": provenance.versions(),
             "wall_seconds": time.perf_counter() - began,
         }
         figures = report_figures.figures(problem, fitted, result, held, samples)
@@ -219,18 +222,18 @@ def cli(
         click.echo(files.as_json(result, ascii_only=True))
     elif not quiet:
         for line in report.in_words(result):
-            commands.echo(line)
+            echo(line)
         for one in result.get("left_out", []) + result.get("new", []):
-            commands.echo(report.line(one))
-        commands.echo(f"Report: {folder / 'report.html'}")
+            echo(report.line(one))
+        echo(f"Report: {folder / 'report.html'}")
     for warning in result["warnings"][len(loaded.warnings) :]:
-        commands.echo(f"mrjax-calibrate: warning: {warning}", err=True)
+        echo(f"mrjax-calibrate: warning: {warning}", err=True)
     if result["misfit"]:
         worst = max(
             result["predictions"],
             key=lambda one: abs(one["predicted"] - one["measured"]) / one["sigma"],
         )
-        commands.echo(
+        echo(
             f"mrjax-calibrate: warning: the data do not fit; sample {worst['sample']}: "
             f"{worst['measured']:.4g} {worst['unit']} measured, {worst['predicted']:.4g} "
             "predicted: check value and unit",
@@ -295,7 +298,7 @@ def _new(experiment: "Experiment", recipe: str, like: str | None) -> "tuple[Expe
 
 def main() -> None:
     """Entry point of the command line."""
-    commands.run(cli, "mrjax-calibrate")
+    run(cli, "mrjax-calibrate")
 
 
 if __name__ == "__main__":

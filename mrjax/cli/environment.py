@@ -27,7 +27,27 @@ SETTINGS = {
 PARSES_FLAGS = "from jaxlib import _jax; _jax.CompileOptions()"
 
 
-def start_jax(dtype: str) -> None:
+def start_jax(dtype: str, devices: bool = True) -> None:
+    """Makes `dtype` JAX's default for the rest of the process, and keeps what it compiles.
+
+    Comes before all that imports JAX.
+
+    Args:
+      dtype: float64 or float32.
+      devices: whether to have JAX find its devices now.
+
+    Raises:
+      InputError: an environment variable that JAX cannot use.
+    """
+    _import_jax(dtype)
+    if devices:
+        find_devices()
+    from mrjax.cli import program_cache
+
+    program_cache.keep()
+
+
+def _import_jax(dtype: str) -> None:
     """Imports JAX with `SETTINGS`, and makes `dtype` its default for the rest of the process.
 
     Raises:

@@ -1,4 +1,4 @@
-"""What the commands share of `--resume`: a folder for checkpoints, and what a failure leaves."""
+"""`--resume`: the folder of checkpoints among the results, and what a failure leaves there."""
 
 import logging
 from collections.abc import Iterable, Iterator
@@ -6,7 +6,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from mrjax.cli import commands
+from mrjax.cli import exit_status
+from mrjax.cli.terminal import echo
 from mrjax.core import refusals
 from mrjax.core.errors import InputError, SimulationError, SystemRefusal
 from mrjax.io import checkpoint, results, state_file
@@ -17,7 +18,7 @@ LAST_GOOD = "last_good_state.npz"
 
 
 @contextmanager
-def kept(
+def checkpointed(
     folder: Path, resume: bool, quiet: bool, writes: Iterable[str] = (), **work: Any
 ) -> Iterator[Path]:
     """A folder for checkpoints among the results, for as long as they are not written.
@@ -39,7 +40,7 @@ def kept(
       SystemRefusal: the system refused something inside; what is kept stays, and it says so.
     """
     path = folder / FOLDER
-    with results.guarded(folder, writes) as ours, _telling():
+    with results.guarded(folder, writes) as own_files, _echoed_warnings():
         checkpoint.refuse_foreign(path)
         if not resume and checkpoint.holds_anything(path):
             raise InputError(
@@ -47,18 +48,18 @@ def kept(
                 "another --out, to begin anew"
             )
         Checkpoint.of_work(path, **work).claim()
-        with checkpoint.locked(path), _leaving(path, ours):
+        with checkpoint.locked(path), _removed_when_done(path, own_files):
             if checkpoint.holds_anything(path) and not quiet:
-                commands.echo(f"Going on with what {path} keeps.", err=True)
-            ours.discard(LAST_GOOD)
-            commands.resumable = lambda: checkpoint.holds_anything(path)
+                echo(f"Going on with what {path} keeps.", err=True)
+            own_files.discard(LAST_GOOD)
+            exit_status.resumable = lambda: checkpoint.holds_anything(path)
             yield path
 
 
 @contextmanager
-def _leaving(path: Path, ours: results.Results) -> Iterator[None]:
-    """What becomes of a checkpoint as its work ends, fails, or is stopped."""
-    last_good = ours.folder / LAST_GOOD
+def _removed_when_done(path: Path, own_files: results.Results) -> Iterator[None]:
+    """Takes a checkpoint away when its work ends or fails; keeps it when that is stopped."""
+    last_good = own_files.folder / LAST_GOOD
     try:
         yield
     except SimulationError as error:
@@ -82,27 +83,27 @@ def _leaving(path: Path, ours: results.Results) -> Iterator[None]:
 
 
 def _remove(path: Path) -> None:
-    """Takes the checkpoint away, and says what of others stays."""
+    """Takes the checkpoint away, and names what stays there because mrjax did not make it."""
     if left := checkpoint.remove(path):
         more = "" if len(left) <= checkpoint.LISTED else ", ..."
         names = ", ".join(left[: checkpoint.LISTED]) + more
-        commands.echo(f"mrjax: warning: {path}: left there what is not of mrjax: {names}", err=True)
+        echo(f"mrjax: warning: {path}: left there what is not of mrjax: {names}", err=True)
 
 
 @contextmanager
-def _telling() -> Iterator[None]:
-    """What the log warns of is a line on standard error."""
-    log, telling = logging.getLogger("mrjax"), _Telling(logging.WARNING)
-    log.addHandler(telling)
+def _echoed_warnings() -> Iterator[None]:
+    """Prints warnings of mrjax's log as lines on standard error."""
+    log, handler = logging.getLogger("mrjax"), _EchoHandler(logging.WARNING)
+    log.addHandler(handler)
     try:
         yield
     finally:
-        log.removeHandler(telling)
+        log.removeHandler(handler)
 
 
-class _Telling(logging.Handler):
-    """Prints what is logged."""
+class _EchoHandler(logging.Handler):
+    """Prints log records on standard error."""
 
     def emit(self, record: logging.LogRecord) -> None:
         """Prints one line."""
-        commands.echo(f"mrjax: warning: {record.getMessage()}", err=True)
+        echo(f"mrjax: warning: {record.getMessage()}", err=True)

@@ -18,7 +18,7 @@ OLD_NAMES = {
     "checkpoint": "io.checkpoint",
     "checks": "core.checks",
     "column": "continuum.column",
-    "commands": "cli.commands",
+    "commands": "cli.exit_status",
     "compression": "continuum.compression",
     "concentration": "observables.concentration",
     "concrete": "core.tracing",

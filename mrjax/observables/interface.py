@@ -18,6 +18,10 @@ from mrjax.core.run import Run, from_bed
 from mrjax.core.tracing import value_or_none
 from mrjax.observables.concentration import half_concentration, solid_below
 
+RELAXATIONS_TO_STEADY = 20.0
+"""Length of a run that gives the initial settling velocity to eight digits, in relaxation times:
+e^-20 of the start is left."""
+
 
 def settling_velocity(run: Run) -> Array:
     """Initial settling velocity: the fastest mean descent of the frames after the start.

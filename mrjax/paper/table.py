@@ -18,11 +18,10 @@ import mrjax
 from mrjax import Parameters, Recipe, Run, State
 from mrjax.core.units import MM_PER_DAY
 from mrjax.laws import drag, particle, time_scales
+from mrjax.observables.interface import RELAXATIONS_TO_STEADY
 from mrjax.paper.dry_beds import INFERRED_FRICTION, dropped
 
 CASES = ("case1", "case2", "case3")
-RELAXATIONS = 20
-"""Length of the runs: e^-20 of the start is left."""
 
 FINAL_RATIO_WITHIN = 2.0
 """Percentage points: beds of a few hundred particles differ by up to 3 from one random start to
@@ -167,7 +166,7 @@ def simulated_velocity(
         mrjax.disperse(recipe, seed),
         parameters,
         recipe.box,
-        duration=RELAXATIONS * relaxation,
+        duration=RELAXATIONS_TO_STEADY * relaxation,
         time_step=time_step,
     )
     return MM_PER_DAY * float(mrjax.settling_velocity(run))

@@ -3,7 +3,7 @@
 import platform
 from pathlib import Path
 
-from mrjax.cli.commands import versions
+from mrjax.cli.provenance import versions
 
 from . import liggghts, process
 

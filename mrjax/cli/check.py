@@ -1,0 +1,66 @@
+"""`mrjax check`: all that follows from a recipe, without running it."""
+
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mrjax.cli import environment, options
+from mrjax.cli.completion import sheet_names
+from mrjax.cli.exit_status import EXIT_STATUS
+from mrjax.cli.terminal import echo
+
+if TYPE_CHECKING:
+    from mrjax.simulation.derived import Quantity
+
+
+@click.command(
+    epilog=EXIT_STATUS,
+    help="""Shows all that follows from a RECIPE, bundled or a TOML file, without running it.
+
+    Volume fractions, number of particles, densities, drag factors, the settling velocity, time
+    scales, the step and cost of a run to rest; warns where an assumption of the model does not
+    hold.
+
+    \b
+    Examples:
+      mrjax check case2
+      mrjax check mine.toml --json
+    """,
+)
+@click.argument("recipe", shell_complete=sheet_names("mrjax.recipe.bundled"))
+@options.quiet_option
+@options.json_option
+def check(recipe: str, quiet: bool, as_json: bool) -> None:
+    """Prints what follows from a recipe."""
+    environment.start_jax("float64")
+    import mrjax
+    from mrjax.io import files
+    from mrjax.simulation import derived
+
+    sheet = mrjax.Recipe.load(recipe)
+    quantities, warnings = derived.derived(sheet), derived.warnings(sheet)
+    for warning in warnings:
+        echo(f"mrjax: warning: {warning}", err=True)
+    if as_json:
+        result = {
+            "recipe": sheet.name,
+            "derived": _as_table(quantities),
+            "notes": sheet.notes,
+            "warnings": warnings,
+        }
+        click.echo(files.as_json(result, ascii_only=True))
+    if quiet or as_json:
+        return
+    widest = max(len(quantity.name) for quantity in quantities)
+    for quantity in quantities:
+        unit = "" if quantity.unit == "1" else f" {quantity.unit}"
+        echo(f"{quantity.name:{widest}}  {quantity.value:.5g}{unit}")
+    for note in sheet.notes:
+        echo(f"Note: {note}.")
+
+
+def _as_table(quantities: "list[Quantity]") -> dict[str, Any]:
+    return {
+        quantity.key: {"name": quantity.name, "value": quantity.value, "unit": quantity.unit}
+        for quantity in quantities
+    }

@@ -1,0 +1,104 @@
+"""The command `mrjax simulate`."""
+
+import time
+from typing import Any
+
+import click
+
+from mrjax.cli import environment, options
+from mrjax.cli.completion import sheet_names
+from mrjax.cli.exit_status import EXIT_STATUS
+from mrjax.cli.simulate.request import Request
+from mrjax.simulation.overlap import MOST_OVERLAP, OVERLAP
+
+
+@click.command(
+    epilog=EXIT_STATUS,
+    help="""Follows the particles of a RECIPE, bundled (case1, case2, case3) or a TOML file.
+
+    From dispersed to rest: the whole sedimentation curve at the recipe's viscosity, with contacts
+    softened to a greatest overlap (--overlap). With --duration, that long and with the real
+    moduli. Writes summary.json, curve.csv, run.npz (`mrjax.load_run`) and figures; until then, what
+    --resume goes on from in DIR/checkpoint. A run that fails leaves its last good state,
+    last_good_state.npz.
+
+    \b
+    Examples:
+      mrjax simulate case2 --out results
+      mrjax simulate case2 --out results --resume         # if that was stopped
+      mrjax simulate mine.toml --ensemble 8 --overlap 0.02
+      mrjax simulate mine.toml --duration 1e-6 --frames 200 --seed 3
+      mrjax simulate case2 --trajectory gsd --animate gif --pdf
+      mrjax simulate mine.toml --ensemble 64 --distributed node7:1234,4,0   # 1, 2, 3 elsewhere
+    """,
+)
+@click.argument("recipe", shell_complete=sheet_names("mrjax.recipe.bundled"))
+@options.out_option("run")
+@click.option("--duration", type=float, metavar="SECONDS", help="Physical time to cover.")
+@click.option(
+    "--time-step",
+    type=float,
+    metavar="SECONDS",
+    help="Longest step; left out, what the bed is stable at, or with --duration MIN(t_c, t_r)/20 "
+    "(Eq. 29).",
+)
+@click.option(
+    "--frames",
+    type=click.IntRange(1, 1_000_000),
+    default=200,
+    show_default=True,
+    help="Times at which the curve is recorded; to rest, in the expected duration.",
+)
+@click.option(
+    "--overlap",
+    type=options.Finite(0, MOST_OVERLAP, min_open=True),
+    default=OVERLAP,
+    show_default=True,
+    metavar="RADII",
+    help="Greatest overlap of contacts to which they are softened on the way to rest.",
+)
+@click.option(
+    "--ensemble",
+    type=click.IntRange(1, 10_000),
+    default=1,
+    show_default=True,
+    help="Number of random starts, with seeds from --seed on, to rest.",
+)
+@click.option(
+    "--trajectory",
+    type=click.Choice(["gsd", "vtk"]),
+    multiple=True,
+    help="Writes where all particles are in every frame, for OVITO (gsd) or ParaView (vtk).",
+)
+@click.option(
+    "--animate",
+    type=click.Choice(["gif", "mp4"]),
+    multiple=True,
+    help="Writes a film; MP4 needs ffmpeg.",
+)
+@options.pdf_option
+@options.distributed_option
+@options.resume_option
+@options.seed_option
+@options.dtype_option
+@options.quiet_option
+@options.json_option
+def simulate(**given: Any) -> None:
+    """Runs a recipe and writes what was observed."""
+    began = time.perf_counter()
+    request = Request(**given)
+    environment.start_jax(request.dtype, devices=request.distributed is None)
+    from mrjax.cli.simulate import output, summary
+    from mrjax.cli.simulate.run import checkpointed, prepared, simulated
+
+    plan = prepared(request)
+    with checkpointed(plan) as checkpoint:
+        result = simulated(plan, checkpoint)
+        if result is None:
+            return
+        made_by = summary.made_by(plan)
+        figures = output.figures(plan, result)
+        numbers = summary.summary(plan, result, made_by)
+        numbers["wall_seconds"] = time.perf_counter() - began
+        output.write(plan, result, numbers, figures, made_by)
+    output.report(plan, result, numbers)

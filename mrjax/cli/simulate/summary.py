@@ -1,0 +1,106 @@
+"""The numbers that `mrjax simulate` writes: summary.json and curve.csv."""
+
+from typing import Any
+
+import jax
+
+import mrjax
+from mrjax import Run, Sedimentation
+from mrjax.cli import provenance
+from mrjax.cli.simulate.run import Plan, Result
+from mrjax.laws import dimensionless
+
+
+def made_by(plan: Plan) -> dict[str, Any]:
+    """What made the results: lab sheet, seed, versions and, to rest, the overlap."""
+    request = plan.request
+    described = provenance.made_by(plan.sheet, request.seed, request.dtype)
+    return described | ({"overlap_radii": request.overlap} if request.to_rest else {})
+
+
+def dimensionless_numbers(plan: Plan, result: Result) -> tuple[dimensionless.Number, ...]:
+    """Dimensionless numbers of the suspension at its simulated velocity."""
+    return dimensionless.numbers(plan.parameters, result.velocity)
+
+
+def summary(plan: Plan, result: Result, made_by: dict[str, Any]) -> dict[str, Any]:
+    """The content of summary.json, but for the time that it took."""
+    sheet, run = plan.sheet, result.run
+    numbers = dimensionless_numbers(plan, result)
+    return {
+        "recipe": sheet.name,
+        "settling_velocity_mm_per_day": mrjax.MM_PER_DAY * result.velocity,
+        "closed_form_mm_per_day": mrjax.MM_PER_DAY
+        * mrjax.terminal_velocity(plan.parameters).mean(),
+        **{f"{number.name.lower()}_number": number.value for number in numbers},
+        "particles": result.initial.state.particles,
+        "volume_fraction": sheet.volume_fraction,
+        "coated_volume_fraction": sheet.coated_volume_fraction,
+        "f_w": sheet.f_w,
+        "f_w_is_local": sheet.drag.local,
+        "f_s": sheet.f_s,
+        "f_v": sheet.drag.f_v,
+        "f_r": sheet.radius_factor,
+        **({} if result.to_rest is None else _at_rest(result.to_rest)),
+        "duration_s": float(run.times.max()),
+        "time_step_s": run.time_step,
+        "steps": run.steps,
+        "deepest_overlap_radii": run.deepest_overlap.max(),
+        "deepest_overlap_coatings": run.coating_overlap.max(),
+        "notes": plan.notes,
+        "warnings": dimensionless.warnings(numbers),
+        "steady": plan.steady,
+        **made_by,
+    }
+
+
+def curve(result: Result) -> dict[str, Any]:
+    """The columns of curve.csv."""
+    if result.to_rest is None:
+        return _curve_of_run(result.initial)
+    return _curve_of_ensemble(result.to_rest)
+
+
+def _curve_of_run(run: Run) -> dict[str, Any]:
+    return {
+        "time_s": run.times,
+        "mudline_m": run.mudline,
+        "sedimentation_ratio": mrjax.sedimentation_ratio(run),
+        "mean_velocity_m_per_s": run.mean_velocity,
+    }
+
+
+def _curve_of_ensemble(whole: Sedimentation) -> dict[str, Any]:
+    """Means over the starts, and the standard error of the ratio where there are several."""
+    columns = {
+        "time_s": whole.run.times[0],
+        "mudline_m": whole.run.mudline.mean(axis=0),
+        "sedimentation_ratio": whole.ratio().mean(axis=0),
+        "mean_velocity_m_per_s": whole.run.mean_velocity.mean(axis=0),
+    }
+    if len(whole.seeds) > 1:
+        columns["standard_error_of_ratio"] = mrjax.standard_error(whole.ratio())
+    return columns
+
+
+def _at_rest(whole: Sedimentation) -> dict[str, Any]:
+    """The numbers that a run to rest adds to the summary."""
+    final = {name: whole.ratio(name)[:, -1] for name in mrjax.HEIGHTS}
+    lines = jax.vmap(mrjax.asymptotes)(whole.run)
+    contacts = jax.vmap(
+        lambda state: mrjax.coordination_number(state, whole.parameters, whole.run.box)
+    )(whole.run.state)
+    return {
+        "final_ratio": final["top"].mean(),
+        "final_ratio_standard_error": mrjax.standard_error(final["top"]),
+        "final_ratios": final["top"],
+        "final_ratio_by_height": {name: values.mean() for name, values in final.items()},
+        "initial_slope_mm_per_day": mrjax.MM_PER_DAY * lines.initial_slope.mean(),
+        "asymptotes_cross_at_s": lines.crossing_time.mean(),
+        "speed_at_rest_over_initial": (
+            whole.run.mean_speed[:, -1] / whole.run.mean_speed.max(axis=1)
+        ).max(),
+        "coordination_number": contacts.mean(),
+        "softening": whole.softening,
+        "ensemble": len(whole.seeds),
+    }
