@@ -9,8 +9,10 @@ from typing import Any
 from calibrate.experiment.experiment import Experiment
 from calibrate.experiment.free_parameters import FreeParameter
 from calibrate.experiment.suspension import BED, CLOSURE
-from mrjax.recipe.recipe import (
-    LARGEST_BOX,
+from mrjax.recipe.plausibility import LARGEST_BOX
+from mrjax.recipe.recipe import Recipe
+from mrjax.recipe.sheets import LARGEST, SMALLEST, Sheet
+from mrjax.recipe.tables import (
     LARGEST_FACTOR,
     LEAST_FACTOR,
     Coating,
@@ -18,9 +20,7 @@ from mrjax.recipe.recipe import (
     Drag,
     Fluid,
     Particle,
-    Recipe,
 )
-from mrjax.recipe.sheets import LARGEST, SMALLEST, Sheet
 
 OF_SHEET: dict[str, tuple[type[Sheet], str]] = {
     "particle_density": (Particle, "density"),

@@ -3,11 +3,16 @@
 The only reader of `f_r`. Every function takes `Parameters` and returns shape () or (N,).
 """
 
+from typing import TypeVar
+
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 from mrjax.core.parameters import Parameters
+
+ScalarT = TypeVar("ScalarT", float, Array)
+"""Plain numbers of a lab sheet, or arrays of a run."""
 
 
 def outer_radius(parameters: Parameters) -> Array:
@@ -25,10 +30,18 @@ def core_volume(parameters: Parameters) -> Array:
     return 4.0 / 3.0 * jnp.pi * parameters.radius**3
 
 
+def mass_over_core_volume(
+    particle_density: ScalarT, coating_density: ScalarT, radius_factor: ScalarT
+) -> ScalarT:
+    """rho_p + rho_c (f_r^3 - 1) of core and shell together (Eq. 20); kg/m^3."""
+    return particle_density + coating_density * (radius_factor**3 - 1.0)
+
+
 def mass(parameters: Parameters) -> Array:
     """Eq. 20: m = (rho_p + rho_c (f_r^3 - 1)) V; kg."""
-    shell = parameters.coating_density * (parameters.f_r**3 - 1.0)
-    return (parameters.particle_density + shell) * core_volume(parameters)
+    return mass_over_core_volume(
+        parameters.particle_density, parameters.coating_density, parameters.f_r
+    ) * core_volume(parameters)
 
 
 def displaced_mass(parameters: Parameters) -> Array:

@@ -7,6 +7,14 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
-    submodules=("recipe", "sheets", "sizes", "toml_limits"),
+    submodules=(
+        "plausibility",
+        "recipe",
+        "sheets",
+        "sizes",
+        "suspension",
+        "tables",
+        "toml_limits",
+    ),
     submod_attrs={"recipe": ["Recipe"]},
 )

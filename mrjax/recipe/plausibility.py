@@ -1,0 +1,188 @@
+"""Plausibility of a lab sheet: numbers in another unit, and suspensions that cannot be made."""
+
+import math
+
+from mrjax.core.box import AXES
+from mrjax.core.errors import shown
+from mrjax.core.numpy_evaluation import evaluate_with_numpy
+from mrjax.laws import drag
+from mrjax.laws.hindrance import LARGEST_FRACTION
+from mrjax.recipe.suspension import MOST_PARTICLES, Suspension
+from mrjax.recipe.tables import LARGEST_FACTOR, LEAST_FACTOR
+
+RANDOM_CLOSE_PACKING = 0.64
+"""Volume fraction above which equal spheres cannot be dispersed (Desmond & Weeks, 0903.0864)."""
+
+LEAST_DENSITY, LEAST_MODULUS, LARGEST_DIAMETER, LARGEST_BOX = 10.0, 1e3, 0.1, 1e3
+"""kg/m^3, Pa, m and m: beyond these a number was given in another unit."""
+
+NEUTRAL = 1e-9
+"""Relative difference of densities below which it is one of rounding."""
+
+
+def refuse_implausible(recipe: Suspension) -> None:
+    """Passes a suspension that can be made.
+
+    Raises:
+      ValueError: the first fault: the key, its value, what is wrong and what to give.
+    """
+    _refuse_units(recipe)
+    _refuse_coating(recipe)
+    _refuse_neutral(recipe)
+    _refuse_packing(recipe)
+    _refuse_closure(recipe)
+    _refuse_factors(recipe)
+    _refuse_box(recipe)
+
+
+def notes(recipe: Suspension) -> list[str]:
+    """Remarks on what does not add up, though it can be simulated."""
+    if not recipe.coating:
+        return []
+    layer = recipe.coating.density * (recipe.radius_factor**3 - 1.0)
+    needed = recipe.composition.particle * layer / recipe.particle.density
+    if needed <= recipe.composition.coating * (1 + 1e-9):
+        return []
+    available = recipe.composition.coating / recipe.composition.particle
+    largest = (1.0 + available * recipe.particle.density / recipe.coating.density) ** (1 / 3)
+    return [
+        f"a coating of radius_factor {recipe.radius_factor:g} takes {needed:.2%} of the weight, "
+        f"the composition holds {recipe.composition.coating:.2%}, enough for {largest:.3f}"
+    ]
+
+
+def _refuse_units(recipe: Suspension) -> None:
+    solids = {"particle": recipe.particle, "coating": recipe.coating, "wall": recipe.wall}
+    materials = {name: table for name, table in solids.items() if table}
+    for name, table in {**materials, "fluid": recipe.fluid}.items():
+        density = getattr(table, "density", LEAST_DENSITY)
+        if density < LEAST_DENSITY:
+            raise ValueError(
+                f"{name}.density = {density}: no solid or liquid is so light; give kg/m^3: "
+                "7.47 g/cm^3 is 7470"
+            )
+    for name, table in materials.items():
+        if table.elastic_modulus is not None and table.elastic_modulus < LEAST_MODULUS:
+            raise ValueError(
+                f"{name}.elastic_modulus = {table.elastic_modulus}: no solid is so soft; give "
+                "Pa: 211 GPa is 211e9"
+            )
+    largest = max(recipe.box.size)
+    if largest > LARGEST_BOX:
+        raise ValueError(
+            f"box.size = {shown(list(recipe.box.size))}: too large for a suspension; give m: "
+            "25 um is 25e-6"
+        )
+    diameter = recipe.particle.diameter
+    typical = diameter if isinstance(diameter, float) else diameter.mean_cube ** (1 / 3)
+    if typical > LARGEST_DIAMETER:
+        raise ValueError(
+            f"particle.diameter = {shown(diameter)}: too large for a suspension; give m: 4 "
+            "um is 4e-6"
+        )
+
+
+def _refuse_coating(recipe: Suspension) -> None:
+    if recipe.radius_factor > 1 and recipe.composition.coating == 0:
+        raise ValueError(
+            "composition.coating is missing or 0, though [coating] has radius_factor = "
+            f"{recipe.radius_factor}; give its weight fraction, or remove [coating]"
+        )
+    if recipe.composition.coating > 0 and not recipe.coating:
+        raise ValueError(
+            f"composition.coating = {recipe.composition.coating}: there is no table [coating]; "
+            "add one, or set the fraction to 0"
+        )
+
+
+def _refuse_packing(recipe: Suspension) -> None:
+    limit = RANDOM_CLOSE_PACKING
+    if recipe.volume_fraction >= limit:
+        made_of = recipe.composition
+        rest = made_of.fluid / recipe.fluid.density  # volume of all else, for each kg
+        rest += made_of.coating / recipe.coating.density if recipe.coating else 0.0
+        packed = limit * recipe.particle.density
+        most = packed / (packed + (1 - limit) * (1 - made_of.particle) / rest)
+        raise ValueError(
+            f"composition.particle = {recipe.composition.particle}: a volume fraction of "
+            f"{recipe.volume_fraction:.3f} is denser than random close packing ({limit}); give "
+            f"less than {most:.3f}"
+        )
+    if recipe.coated_volume_fraction >= limit:
+        most = (limit / recipe.volume_fraction) ** (1 / 3)
+        raise ValueError(
+            f"coating.radius_factor = {recipe.radius_factor}: the coated particles would take a "
+            f"volume fraction of {recipe.coated_volume_fraction:.3f}, denser than random close "
+            f"packing ({limit}); give less than {most:.3f}"
+        )
+
+
+def _refuse_neutral(recipe: Suspension) -> None:
+    """Lighter particles cream; of equal density they do neither."""
+    if math.isclose(recipe.apparent_density, recipe.fluid.density, rel_tol=NEUTRAL):
+        coated = " with their coating" if recipe.coating else ""
+        raise ValueError(
+            f"fluid.density = {recipe.fluid.density}: the particles, at "
+            f"{recipe.apparent_density:.5g} kg/m^3{coated}, would neither sink nor rise; give "
+            "another fluid or particle"
+        )
+
+
+def _refuse_closure(recipe: Suspension) -> None:
+    sheet = recipe.drag.f_w
+    name = sheet.get("closure") if isinstance(sheet, dict) else sheet
+    if recipe.drag.local and (not isinstance(name, str) or name == "haberman-sayre"):
+        raise ValueError(
+            "drag.local = true: needs a closure that holds in the bed, not f_w = "
+            f"{shown(name)}; give one of "
+            + ", ".join(closure for closure in drag.CLOSURES if closure != "haberman-sayre")
+        )
+    if name != "haberman-sayre":
+        return
+    limit = float(drag.volume_fraction_at(drag.HABERMAN_SAYRE_LIMIT))
+    if recipe.coated_volume_fraction > limit:
+        raise ValueError(
+            f"drag.f_w = {shown(name)}: holds up to a volume fraction of {limit:.4f} (lambda = "
+            f"{drag.HABERMAN_SAYRE_LIMIT}), not at {recipe.coated_volume_fraction:.4f}; give "
+            "another closure or a number"
+        )
+
+
+def _refuse_factors(recipe: Suspension) -> None:
+    factors = {"f_w": [recipe.f_w], "f_s": [recipe.f_s]}
+    if recipe.hindrance:
+        factors["f_w"].append(float(evaluate_with_numpy(recipe.hindrance, LARGEST_FRACTION)))
+    for name, values in factors.items():
+        for value in values:
+            if not LEAST_FACTOR <= value <= LARGEST_FACTOR:
+                raise ValueError(
+                    f"drag.{name} = {shown(getattr(recipe.drag, name))}: a factor of "
+                    f"{value:.3g}; give one between {LEAST_FACTOR:g} and {LARGEST_FACTOR:g}"
+                )
+
+
+def _refuse_box(recipe: Suspension) -> None:
+    count, size = recipe.particle_count, list(recipe.box.size)
+    if count > MOST_PARTICLES:
+        raise ValueError(
+            f"box.size = {size}: holds {count:.3g} particles; give a smaller box, in m: 25 um "
+            "is 25e-6"
+        )
+    if count < 1:
+        raise ValueError(
+            f"box.size = {size}: holds {recipe.volume_fraction:.3g} of its volume in particles, "
+            "less than one particle; give a larger box"
+        )
+    diameter = recipe.largest_diameter
+    for axis, length, periodic in zip(AXES, recipe.box.size, recipe.box.periodic, strict=True):
+        if periodic and length < 2.0 * diameter:
+            raise ValueError(
+                f"box.size = {size}: periodic along {axis} but narrower than two particles of "
+                f"{diameter:.4g} m: one would touch two images of another; give a wider box, "
+                "or walls"
+            )
+        if length <= diameter:
+            raise ValueError(
+                f"box.size = {size}: not larger along {axis} than a particle of "
+                f"{diameter:.4g} m; give a larger box"
+            )

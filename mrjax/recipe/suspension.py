@@ -1,0 +1,133 @@
+"""The tables of a lab sheet together, and the quantities that follow from them."""
+
+import math
+from typing import Annotated
+
+import jax
+import numpy as np
+from jax.tree_util import Partial
+from pydantic import BeforeValidator, Field
+
+from mrjax.core.box import Box
+from mrjax.core.numpy_evaluation import evaluate_with_numpy
+from mrjax.laws import drag, particle
+from mrjax.laws.hindrance import Hindrance
+from mrjax.recipe import tables
+from mrjax.recipe.sheets import Name, Sheet
+from mrjax.recipe.tables import Coating, Composition, Contact, Drag, Fluid, Particle, Wall
+
+MOST_PARTICLES = 10**7
+"""More than a machine can hold: a box in micrometres, taken for metres."""
+
+
+class Suspension(Sheet):
+    """A suspension in a box: its tables, and what follows from them."""
+
+    name: Name = Field(description="a name for the recipe")
+    particle: Particle = Field(description="a table [particle]")
+    fluid: Fluid = Field(description="a table [fluid]")
+    coating: Coating | None = Field(default=None, description="a table [coating]")
+    wall: Wall | None = Field(default=None, description="a table [wall]")
+    composition: Composition = Field(description="a table [composition]")
+    drag: Drag = Field(default=Drag(), description="a table [drag]")
+    contact: Contact = Field(default=Contact(), description="a table [contact]")
+    box: Annotated[Box, BeforeValidator(tables.box)] = Field(
+        description="a table [box] with size in m"
+    )
+    gravity: float = Field(default=9.81, ge=0, le=1e9, description="g in m/s^2, at least zero")
+
+    @property
+    def volume_fraction(self) -> float:
+        """Phi of the uncoated particles, from the weight fractions; 1."""
+        solid = self.composition.particle / self.particle.density
+        liquid = self.composition.fluid / self.fluid.density
+        shell = self.composition.coating / self.coating.density if self.coating else 0.0
+        return solid / (solid + liquid + shell)
+
+    @property
+    def radius_factor(self) -> float:
+        """f_r, coated over uncoated radius; 1 without a coating."""
+        return self.coating.radius_factor if self.coating else 1.0
+
+    @property
+    def coated_volume_fraction(self) -> float:
+        """Phi f_r^3 of the coated particles, which the closures of f_w read; 1."""
+        return self.volume_fraction * self.radius_factor**3
+
+    @property
+    def particle_count(self) -> int:
+        """N in the box, to the nearest whole number."""
+        volume = self.volume_fraction * self.box.volume * 6.0 / math.pi
+        diameter = self.particle.diameter
+        if isinstance(diameter, float):
+            return round(volume / diameter**3)
+        count = round(volume / diameter.mean_cube)
+        # The largest of few particles are smaller than those of many.
+        for _ in range(3 if 0 < count <= MOST_PARTICLES else 0):
+            count = max(1, round(volume / np.mean(diameter.sample(count) ** 3)))
+        return count
+
+    @property
+    def diameters(self) -> np.ndarray:
+        """Diameters of the uncoated particles in the box, (N,) in m; ascending."""
+        diameter = self.particle.diameter
+        if isinstance(diameter, float):
+            return np.full(self.particle_count, diameter)
+        return diameter.sample(self.particle_count)
+
+    @property
+    def largest_diameter(self) -> float:
+        """Largest diameter of the coated particles, m."""
+        diameter = self.particle.diameter
+        largest = diameter if isinstance(diameter, float) else float(self.diameters[-1])
+        return largest * self.radius_factor
+
+    @property
+    def apparent_density(self) -> float:
+        """(rho_p + rho_c (f_r^3 - 1)) / f_r^3 of the coated particle (Eqs. 20 and 27); kg/m^3."""
+        coating_density = self.coating.density if self.coating else 0.0
+        mass_over_core_volume = particle.mass_over_core_volume(
+            self.particle.density, coating_density, self.radius_factor
+        )
+        return mass_over_core_volume / self.radius_factor**3
+
+    @property
+    def f_w(self) -> float:
+        """The wall and crowding factor that the sheet asks for (Eqs. 14 and 15)."""
+        if isinstance(self.drag.f_w, float):
+            return self.drag.f_w
+        with jax.ensure_compile_time_eval():  # a sheet holds numbers, also where jit is tracing
+            return float(evaluate_with_numpy(_closure(self.drag.f_w), self.coated_volume_fraction))
+
+    @property
+    def hindrance(self) -> Hindrance | None:
+        """f_w for the volume fraction of each particle's height, for `mrjax.simulate`.
+
+        None unless the sheet asks for it with `local = true`.
+        """
+        return self.closure if self.drag.local else None
+
+    @property
+    def closure(self) -> Partial | None:
+        """f_w for volume fractions, with the coefficients of the sheet; None where f_w is a number.
+
+        A `jax.tree_util.Partial` of one of `mrjax.laws.drag.CLOSURES`.
+        """
+        if isinstance(self.drag.f_w, float):
+            return None
+        return _closure(self.drag.f_w)
+
+    @property
+    def f_s(self) -> float:
+        """The shape factor that the sheet asks for (Eqs. 16 and 17)."""
+        if isinstance(self.drag.f_s, float):
+            return self.drag.f_s
+        with jax.ensure_compile_time_eval():
+            return float(evaluate_with_numpy(drag.shape_factor, *self.drag.f_s))
+
+
+def _closure(f_w: str | dict[str, float | str]) -> Partial:
+    """A closure with the coefficients of a sheet."""
+    coefficients = {} if isinstance(f_w, str) else dict(f_w)
+    name = f_w if isinstance(f_w, str) else coefficients.pop("closure")
+    return Partial(drag.CLOSURES[str(name)], **coefficients)

@@ -1,0 +1,233 @@
+"""The tables of a lab sheet, each with its keys, bounds and remedies."""
+
+import inspect
+import math
+from typing import Annotated, Any, Self
+
+from pydantic import BeforeValidator, Field, SkipValidation, field_validator, model_validator
+
+from mrjax.core.box import Box
+from mrjax.core.errors import InputError, shown, shown_key
+from mrjax.laws import drag
+from mrjax.recipe import sheets, sizes
+from mrjax.recipe.sheets import Sheet
+from mrjax.recipe.sizes import Sizes
+
+LEAST_FACTOR, LARGEST_FACTOR = 1e-6, 1e9
+"""Bounds of a drag factor."""
+
+
+def _above_zero(key: str, value: object, what: str = "a number") -> float:
+    """The value as a number above zero, or an error that tells what to give."""
+    if not isinstance(value, int | float) or isinstance(value, bool) or not 0 < value < math.inf:
+        raise ValueError(f"{key} = {shown(value)}: must be {what} above zero, finite")
+    if not sheets.SMALLEST <= value <= sheets.LARGEST:
+        raise ValueError(f"{key} = {shown(value)}: must be {what} between 1e-30 and 1e30")
+    return float(value)
+
+
+def _diameter(value: Any) -> float | Sizes:
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        diameter = _above_zero("particle.diameter", value, "the diameter in m")
+        sizes.refuse_tiny("particle.diameter", diameter)
+        return diameter
+    try:
+        return sizes.parse(value)
+    except InputError as error:
+        raise ValueError(f"particle.diameter.{error}") from None
+
+
+class Particle(Sheet):
+    """The uncoated particle."""
+
+    density: float = Field(gt=0, le=1e5, description="the density in kg/m^3, above zero")
+    diameter: Annotated[SkipValidation[float | Sizes], BeforeValidator(_diameter)] = Field(
+        description="the diameter in m, a list of them, or a table of a distribution"
+    )
+    elastic_modulus: float = Field(
+        gt=0, le=1e15, description="the elastic modulus in Pa, above zero"
+    )
+    poisson_ratio: float = Field(gt=-1, le=0.5, description="Poisson's ratio, -1 to 0.5")
+
+
+class Fluid(Sheet):
+    """The carrier fluid without additives."""
+
+    density: float = Field(gt=0, le=1e5, description="the density in kg/m^3, above zero")
+    viscosity: float = Field(ge=1e-9, le=1e15, description="the viscosity in Pa s, above zero")
+
+
+class Coating(Sheet):
+    """The layer of surfactant around each particle."""
+
+    density: float = Field(gt=0, le=1e5, description="the density in kg/m^3, above zero")
+    elastic_modulus: float = Field(
+        gt=0, le=1e15, description="the elastic modulus in Pa, above zero"
+    )
+    poisson_ratio: float = Field(gt=-1, le=0.5, description="Poisson's ratio, -1 to 0.5")
+    radius_factor: float = Field(
+        ge=1, le=100, description="f_r, coated over uncoated radius, at least 1"
+    )
+
+
+class Wall(Sheet):
+    """The walls; what is left out is as for the surfaces of the particles."""
+
+    elastic_modulus: float | None = Field(
+        default=None, gt=0, le=1e15, description="the elastic modulus in Pa, above zero"
+    )
+    poisson_ratio: float | None = Field(
+        default=None, gt=-1, le=0.5, description="Poisson's ratio, -1 to 0.5"
+    )
+    friction: float | None = Field(
+        default=None, ge=0, le=1e3, description="Coulomb's coefficient on the walls, at least 0"
+    )
+    restitution: float | None = Field(
+        default=None, ge=1e-3, le=1, description="rebound over impact speed at a wall, 0.001 to 1"
+    )
+    rolling_friction: float | None = Field(
+        default=None,
+        ge=0,
+        le=1e3,
+        description="the coefficient of rolling on the walls, at least 0",
+    )
+
+
+class Composition(Sheet):
+    """Weight fractions of the whole suspension."""
+
+    particle: float = Field(gt=0, lt=1, description="the weight fraction of particles, 0 to 1")
+    fluid: float = Field(gt=0, lt=1, description="the weight fraction of the fluid, 0 to 1")
+    coating: float = Field(
+        default=0.0, ge=0, lt=1, description="the weight fraction of the coating, 0 to 1"
+    )
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        total = self.particle + self.fluid + self.coating
+        if abs(total - 1.0) > 1e-6:
+            raise ValueError(
+                f"particle + fluid + coating = {self.particle} + {self.fluid} + {self.coating} = "
+                f"{total:.6g}; weight fractions must sum to 1"
+            )
+        return self
+
+
+class Drag(Sheet):
+    """The corrections of Stokes' drag."""
+
+    f_w: float | str | dict[str, float | str] = Field(
+        default="son2018",
+        description="a closure's name, a table {closure = name, ...}, or a number above zero",
+    )
+    local: bool = Field(
+        default=False,
+        description="true or false: whether f_w follows the local volume fraction",
+    )
+    f_s: float | list[float] = Field(
+        default=1.0, description="a number above zero, or [d_max, d_med, d_min] in m"
+    )
+    f_v: float = Field(
+        default=1.0,
+        ge=LEAST_FACTOR,
+        le=LARGEST_FACTOR,
+        description="a viscosity ratio above zero",
+    )
+    added_mass: float = Field(
+        default=0.5, ge=0, le=1e3, description="added over displaced mass, 0.5 for a sphere"
+    )
+
+    @field_validator("f_w", mode="before")
+    @classmethod
+    def _a_closure_or_a_factor(cls, f_w: Any) -> float | str | dict[str, float | str]:
+        names = ", ".join(drag.CLOSURES)
+        if isinstance(f_w, int | float):
+            return _above_zero("drag.f_w", f_w, f"a closure's name ({names}) or a number")
+        if not isinstance(f_w, str | dict):
+            raise ValueError(
+                f"drag.f_w = {shown(f_w)}: must be a closure's name, a table "
+                f"{{closure = name, ...}} or a number above zero"
+            )
+        sheet = {"closure": f_w} if isinstance(f_w, str) else f_w
+        if "closure" not in sheet:
+            raise ValueError(
+                f"drag.f_w = {shown(f_w)}: names no closure; add closure = one of {names}"
+            )
+        closure = drag.CLOSURES.get(str(sheet["closure"]))
+        if closure is None:
+            hint = sheets.did_you_mean(str(sheet["closure"]), drag.CLOSURES)
+            raise ValueError(
+                f"drag.f_w = {shown(f_w)}: no such closure; {hint}give a number or one of {names}"
+            )
+        known = list(inspect.signature(closure).parameters)[1:]
+        for key in [key for key in sheet if key not in ("closure", *known)]:
+            raise ValueError(
+                f"drag.f_w.{shown_key(key)} = {shown(sheet[key])}: {sheet['closure']} has no such "
+                f"coefficient; known: {', '.join(known) or 'none'}"
+            )
+        if isinstance(f_w, str):
+            return f_w
+        numbers = {key: _above_zero(f"drag.f_w.{key}", f_w[key]) for key in f_w if key != "closure"}
+        return {"closure": f_w["closure"], **numbers}
+
+    @field_validator("f_s", mode="before")
+    @classmethod
+    def _a_factor_or_dimensions(cls, f_s: Any) -> float | list[float]:
+        if isinstance(f_s, int | float):
+            return _above_zero("drag.f_s", f_s, "[d_max, d_med, d_min] or a number")
+        try:
+            largest, medium, smallest = (_above_zero("drag.f_s", value) for value in f_s)
+            if not largest >= medium >= smallest:
+                raise ValueError
+        except (TypeError, ValueError):
+            raise ValueError(
+                f"drag.f_s = {shown(f_s)}: must be a number above zero, or [d_max, d_med, "
+                "d_min] in m, largest first, above zero"
+            ) from None
+        return [largest, medium, smallest]
+
+
+class Contact(Sheet):
+    """What happens when particles touch."""
+
+    friction: float = Field(
+        default=0.0, ge=0, le=1e3, description="Coulomb's coefficient, at least 0"
+    )
+    restitution: float = Field(
+        default=1.0, ge=1e-3, le=1, description="rebound over impact speed when dry, 0.001 to 1"
+    )
+    dissipation: float = Field(default=0.0, ge=0, le=1e3, description="A of Eq. 4 in s, at least 0")
+    tangential_dissipation: float = Field(
+        default=0.0, ge=0, le=1e3, description="B of Eq. 7 in s, at least 0"
+    )
+    rolling_friction: float = Field(
+        default=0.0, ge=0, le=1e3, description="the coefficient of rolling friction, at least 0"
+    )
+    rolling_damping: float = Field(
+        default=0.0,
+        ge=0,
+        le=1e3,
+        description="the fraction of critical damping of rolling, at least 0",
+    )
+
+
+def box(table: Any) -> Box:
+    """The box of a table with size and periodic."""
+    if isinstance(table, Box):
+        return table
+    if not isinstance(table, dict):
+        raise ValueError(
+            f"box = {shown(table)}: must be a table; give [box] with size and periodic"
+        )
+    unknown = [key for key in table if key not in ("size", "periodic")]
+    if unknown:
+        raise ValueError(
+            f"box.{shown_key(unknown[0])} = {shown(table[unknown[0]])}: unknown key; "
+            "known here: size, periodic"
+        )
+    if "size" not in table:
+        raise ValueError("box.size is missing; give three lengths in m")
+    try:
+        return Box(**table)
+    except InputError as error:
+        raise ValueError(f"box.{error}") from None
