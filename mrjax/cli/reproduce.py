@@ -11,7 +11,7 @@ from mrjax.cli.terminal import echo
 
 if TYPE_CHECKING:
     from mrjax.paper.figures import PaperFigure
-    from mrjax.paper.table import Row
+    from mrjax.paper.row import Row
 
 
 @click.command(
@@ -57,8 +57,8 @@ def reproduce(
     import mrjax
     from mrjax.cli.resume import checkpointed
     from mrjax.io import files
-    from mrjax.paper import figures as paper_figures
-    from mrjax.paper import table as paper
+    from mrjax.paper import row, runs, table
+    from mrjax.paper.figures import paper_figures
 
     def report(text: str) -> None:
         if not quiet:
@@ -68,7 +68,7 @@ def reproduce(
     work = dict(command="reproduce", ensemble=ensemble, seed=seed, dtype=dtype)
     writes = ["reproduce.json", "reproduce.md"]
     with checkpointed(folder, resume, quiet, writes, **work) as checkpoint:
-        runs = paper.simulated(seed, ensemble, report, checkpoint, progress=not quiet)
+        simulated = runs.simulated(seed, ensemble, report, checkpoint, progress=not quiet)
         report("settling case2 at its viscosity")
         settled = mrjax.sedimentation(
             mrjax.Recipe.load("case2"),
@@ -76,15 +76,15 @@ def reproduce(
             progress=not quiet,
             checkpoint=checkpoint / "settled",
         )
-        rows = paper.rows(runs)
-        table = _markdown(rows)
-        figures = paper_figures.of_paper(rows, runs, settled)
+        rows = table.rows(simulated)
+        text = _markdown(rows)
+        figures = paper_figures(rows, simulated, settled)
         made_by = {"seed": seed, "dtype": dtype, "versions": provenance.versions()}
-        _write(folder, rows, table, figures, made_by, pdf=pdf, progress=not quiet)
+        _write(folder, rows, text, figures, made_by, pdf=pdf, progress=not quiet)
     if as_json:
-        click.echo(files.as_json(paper.as_tables(rows), ascii_only=True))
+        click.echo(files.as_json(row.as_tables(rows), ascii_only=True))
     elif not quiet:
-        for line in table.splitlines():
+        for line in text.splitlines():
             echo(line)
         echo(f"Results: {folder}")
 
@@ -124,7 +124,7 @@ def _write(
     from tqdm import tqdm
 
     from mrjax.io import files
-    from mrjax.paper import table as paper
+    from mrjax.paper.row import as_tables
 
     for drawn in tqdm(figures, desc="figures", disable=not progress, leave=False):
         files.write_figure(folder, drawn.name, drawn.figure, made_by, pdf)
@@ -132,7 +132,7 @@ def _write(
         f"![Fig. {drawn.number}]({drawn.name}.png)\n\nFig. {drawn.number}. {drawn.caption}\n"
         for drawn in figures
     )
-    files.write_json(folder / "reproduce.json", paper.as_tables(rows))
+    files.write_json(folder / "reproduce.json", as_tables(rows))
     files.write_text(
         folder / "reproduce.md", f"# Son (2018), recomputed\n\n{table}\n## Figures\n\n{shown}"
     )

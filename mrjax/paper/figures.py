@@ -15,7 +15,9 @@ from mrjax.figures import COLUMN, STYLE, particles
 from mrjax.laws import drag
 from mrjax.observables.interface import Asymptotes, asymptotes, sedimentation_ratio
 from mrjax.paper.dry_beds import INFERRED_FRICTION
-from mrjax.paper.table import HABERMAN_SAYRE_EXACT, Row, Simulated
+from mrjax.paper.eq_14 import HABERMAN_SAYRE_EXACT
+from mrjax.paper.row import Row
+from mrjax.paper.runs import Simulated
 from mrjax.simulation.sedimentation import Sedimentation, standard_error
 
 COMPARED = ("case2", "case3")
@@ -36,12 +38,14 @@ class PaperFigure:
         return f"figure-{self.number}"
 
 
-def of_paper(found: Sequence[Row], runs: Simulated, settled: Sedimentation) -> list[PaperFigure]:
+def paper_figures(
+    rows: Sequence[Row], runs: Simulated, settled: Sedimentation
+) -> list[PaperFigure]:
     """Figs. 2 and 4 to 8 with their captions.
 
     Args:
-      found: the rows.
-      runs: behind the rows.
+      rows: the printed numbers beside ours.
+      runs: the runs behind the rows.
       settled: case2 at its own viscosity; the first of its runs is drawn.
     """
     curve = jax.tree.map(lambda leaf: leaf[0], settled.run)
@@ -70,13 +74,13 @@ def of_paper(found: Sequence[Row], runs: Simulated, settled: Sedimentation) -> l
         _configurations(5, "case1", runs),
         PaperFigure(
             6,
-            _comparison(found, "initial settling velocity", "mm/day"),
+            _comparison(rows, "initial settling velocity", "mm/day"),
             "Initial settling velocity as printed, as computed here, and as measured by "
             "Fang et al. (2005).",
         ),
         PaperFigure(
             7,
-            _comparison(found, "final sedimentation ratio", "%", errors if starts > 1 else None),
+            _comparison(rows, "final sedimentation ratio", "%", errors if starts > 1 else None),
             "Final sedimentation ratio as printed, as computed here (dropped without drag, "
             f"{_starts(starts)}), and as measured by Fang et al. (2005).",
         ),
@@ -103,14 +107,16 @@ def _configurations(number: int, case: str, runs: Simulated) -> PaperFigure:
 
 
 def _comparison(
-    found: Sequence[Row], quantity: str, unit: str, errors: Sequence[float] | None = None
+    rows: Sequence[Row], quantity: str, unit: str, errors: Sequence[float] | None = None
 ) -> Figure:
-    row = {(one.case, one.quantity): one for one in found}
+    by_name = {(row.case, row.quantity): row for row in rows}
     return bars(
         {
-            "Son (2018)": [row[case, quantity].printed for case in COMPARED],
-            "this work": [float(row[case, quantity].computed or np.nan) for case in COMPARED],
-            "Fang et al. (2005)": [row[case, f"{quantity}, measured"].printed for case in COMPARED],
+            "Son (2018)": [by_name[case, quantity].printed for case in COMPARED],
+            "this work": [float(by_name[case, quantity].computed or np.nan) for case in COMPARED],
+            "Fang et al. (2005)": [
+                by_name[case, f"{quantity}, measured"].printed for case in COMPARED
+            ],
         },
         [f"case {case[-1]}" for case in COMPARED],
         f"{quantity}, {unit}",
