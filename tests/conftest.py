@@ -4,7 +4,7 @@ import jax
 import pytest
 
 import mrjax
-from mrjax.paper import table
+from mrjax.paper import runs
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
@@ -37,9 +37,9 @@ def case3() -> mrjax.Recipe:
 
 
 @pytest.fixture(scope="session")
-def paper_runs() -> table.Simulated:
+def paper_runs() -> runs.Simulated:
     """What `mrjax reproduce` simulates, each kind of bed dropped once instead of thrice."""
-    return table.simulated(seed=2, starts=1)
+    return runs.simulated(seed=2, starts=1)
 
 
 @pytest.fixture(scope="module", autouse=True)

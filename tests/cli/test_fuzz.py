@@ -20,7 +20,7 @@ import calibrate.problem.solve
 import mrjax.__main__
 from calibrate import Experiment
 from mrjax import InputError, Recipe
-from mrjax.cli import commands
+from mrjax.cli import environment, exit_status
 from mrjax.paper import table
 from mrjax.simulation import derived, processes
 
@@ -385,7 +385,7 @@ def nothing_is_computed(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     Path("mine.toml").write_text(CASES[0])
     Path("file").touch()
-    monkeypatch.setattr(commands, "start_jax", lambda *_, **__: None)
+    monkeypatch.setattr(environment, "start_jax", lambda *_, **__: None)
     monkeypatch.setattr(mrjax, "disperse", reached)
     monkeypatch.setattr(processes, "join", reached)
     monkeypatch.setattr(table, "simulated", reached)
@@ -417,7 +417,7 @@ def test_command_lines(inputs, name, nothing_is_computed, monkeypatch, capsys):
     def check(words: list[str]) -> None:
         monkeypatch.setattr(sys, "argv", [name, *words])
         try:
-            commands.run(command, name)
+            exit_status.run(command, name)
         except ReachedError:
             return
         except SystemExit as end:

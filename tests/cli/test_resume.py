@@ -23,7 +23,7 @@ import mrjax
 from calibrate.inference import posterior, profile
 from calibrate.least_squares.fit import fit
 from calibrate.least_squares.priors import LogNormal
-from mrjax.cli import commands, resume
+from mrjax.cli import exit_status, resume
 from mrjax.dem import schedule
 from mrjax.io import checkpoint, npz
 from mrjax.io.checkpoint import Checkpoint
@@ -245,7 +245,7 @@ def test_what_a_command_keeps(tmp_path, capsys):
     path = tmp_path / "checkpoint"
 
     def work(what=lambda folder: None, go_on=False, **options):
-        with resume.kept(tmp_path, go_on, False, **options) as folder:
+        with resume.checkpointed(tmp_path, go_on, False, **options) as folder:
             what(folder)
 
     def stopped(folder):
@@ -257,7 +257,7 @@ def test_what_a_command_keeps(tmp_path, capsys):
     assert not path.exists()
     with pytest.raises(KeyboardInterrupt):
         work(stopped, seed=1)
-    assert commands.resumable()  # which the line about the interruption says
+    assert exit_status.resumable()  # which the line about the interruption says
     with pytest.raises(mrjax.InputError, match="keeps an unfinished run; go on with --resume"):
         work(seed=1)
     with pytest.raises(mrjax.InputError, match="with seed = 1 where it is 2 here"):

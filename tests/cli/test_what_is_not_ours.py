@@ -18,7 +18,7 @@ from calibrate.least_squares.fit import fit
 from calibrate.problem.problem import Problem
 from calibrate.problem.solve import fit_experiment
 from mrjax import InputError
-from mrjax.cli import commands, resume
+from mrjax.cli import environment, resume
 from mrjax.core.trajectory import Trajectory
 from mrjax.io import checkpoint, files, results, viewers
 from mrjax.io.checkpoint import Checkpoint
@@ -38,7 +38,7 @@ def here(tmp_path, monkeypatch) -> Path:
     """A folder to work in, with a recipe; the commands leave JAX as the tests have it."""
     (tmp_path / "small.toml").write_text(SMALL)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(commands, "start_jax", lambda *of, **given: None)
+    monkeypatch.setattr(environment, "start_jax", lambda *of, **given: None)
     return tmp_path
 
 
@@ -192,7 +192,7 @@ def test_what_a_user_puts_into_a_checkpoint_survives_its_end(tmp_path, capsys):
         walk(tmp_path / "other")
         (folder / "away").symlink_to(tmp_path / "other")
 
-    with resume.kept(tmp_path, False, True, seed=1) as folder:
+    with resume.checkpointed(tmp_path, False, True, seed=1) as folder:
         work(folder)
     left = {name for name in everything(path) if name != "rest"}
     assert left == {*own, "own", "link", "away"}
@@ -202,7 +202,7 @@ def test_what_a_user_puts_into_a_checkpoint_survives_its_end(tmp_path, capsys):
     walk(tmp_path / "other")  # is whole
     with (
         pytest.raises(InputError, match="not empty; it is not touched"),
-        resume.kept(tmp_path, False, True, seed=1),
+        resume.checkpointed(tmp_path, False, True, seed=1),
     ):
         raise AssertionError
 
@@ -214,7 +214,7 @@ def test_a_checkpoint_half_removed_is_none(tmp_path, monkeypatch):
     def killed(*of, **given):
         raise KeyboardInterrupt
 
-    with resume.kept(tmp_path, False, True, seed=1) as folder:
+    with resume.checkpointed(tmp_path, False, True, seed=1) as folder:
         walk(folder)
         with monkeypatch.context() as patch:
             patch.setattr(checkpoint, "_clear", killed)
@@ -228,7 +228,7 @@ def test_a_checkpoint_half_removed_is_none(tmp_path, monkeypatch):
     marker = json.loads((path / checkpoint.MARKER).read_text())
     (path / checkpoint.MARKER).write_text(json.dumps(marker | {"done": True}))
     next(path.glob("part-00002*")).unlink()
-    with resume.kept(tmp_path, False, True, seed=2) as folder:
+    with resume.checkpointed(tmp_path, False, True, seed=2) as folder:
         assert [one.name for one in folder.iterdir()] == [checkpoint.MARKER]
 
 
@@ -281,7 +281,7 @@ def test_scratch_files_are_new_and_on_the_disk_before_they_replace(tmp_path, mon
 
 def finished(folder: Path, text: str = "{}", writes=("summary.json",), more=("more.txt",)) -> None:
     """A command that writes two files."""
-    with resume.kept(folder, True, True, writes, seed=1) as kept:
+    with resume.checkpointed(folder, True, True, writes, seed=1) as kept:
         walk(kept / "rest")
         for name in (*writes, *more):
             files.write_text(folder / name, text)
@@ -312,7 +312,10 @@ def test_results_of_a_user_are_not_overwritten(tmp_path):
         finished(tmp_path)
     assert checkpoint.holds_anything(tmp_path / "checkpoint")
     (tmp_path / "summary.json").write_text("mine")
-    with pytest.raises(InputError), resume.kept(tmp_path, True, True, ["summary.json"], seed=1):
+    with (
+        pytest.raises(InputError),
+        resume.checkpointed(tmp_path, True, True, ["summary.json"], seed=1),
+    ):
         raise AssertionError
     (tmp_path / "more.txt").unlink()
     (tmp_path / "summary.json").unlink()
@@ -364,7 +367,7 @@ def test_a_users_last_good_state_is_not_deleted(tmp_path):
     error.state, error.time = START, 1.0
     with (
         pytest.raises(mrjax.SimulationError, match="is in"),
-        resume.kept(tmp_path, True, True, seed=1),
+        resume.checkpointed(tmp_path, True, True, seed=1),
     ):
         raise error
     assert mrjax.load_state(path).particles == 3
@@ -436,11 +439,11 @@ def test_a_folder_that_stops_being_ours_is_left_alone(tmp_path):
 
 
 def test_two_processes_do_not_share_a_checkpoint(tmp_path):
-    with resume.kept(tmp_path, False, True, seed=1) as folder:
+    with resume.checkpointed(tmp_path, False, True, seed=1) as folder:
         walk(folder / "rest")
         with (
             pytest.raises(InputError, match="another process is at work there"),
-            resume.kept(tmp_path, True, True, seed=1),
+            resume.checkpointed(tmp_path, True, True, seed=1),
         ):
             raise AssertionError
         assert checkpoint.holds_anything(folder)
@@ -448,12 +451,15 @@ def test_two_processes_do_not_share_a_checkpoint(tmp_path):
 
 
 def test_a_command_says_in_one_line_where_it_goes_on_from_an_earlier_piece(tmp_path, capsys):
-    with pytest.raises(KeyboardInterrupt), resume.kept(tmp_path, False, True, seed=1) as folder:
+    with (
+        pytest.raises(KeyboardInterrupt),
+        resume.checkpointed(tmp_path, False, True, seed=1) as folder,
+    ):
         whole = walk(folder / "rest")
         raise KeyboardInterrupt
     last = max((folder / "rest").glob("part-0*"))
     last.unlink()
-    with resume.kept(tmp_path, True, True, seed=1) as folder:
+    with resume.checkpointed(tmp_path, True, True, seed=1) as folder:
         assert np.array_equal(walk(folder / "rest"), whole)
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("mrjax: warning: ") and last.name in line

@@ -31,7 +31,7 @@ from calibrate.inference.profile import profiles
 from calibrate.problem.solve import fit_experiment
 from calibrate.report import figures as fit_figures
 from mrjax import Recipe, figures
-from mrjax.cli import commands
+from mrjax.cli import completion, exit_status, terminal
 from mrjax.core import text
 from mrjax.io import files
 from tests.builders.hostile import NAMES, PRINTABLE, UNPRINTABLE
@@ -127,8 +127,8 @@ def test_figures_show_the_name_and_no_mathematics(name):
 
 @each_name
 def test_a_terminal_gets_one_line_of_what_can_be_shown(name, capsys):
-    commands.echo(f"a {name} b")
-    commands.echo(name, err=True)
+    terminal.echo(f"a {name} b")
+    terminal.echo(name, err=True)
     for said in capsys.readouterr():
         assert said.count("\n") == 1 and said[:-1].isprintable()
     assert text.in_terminal("µ é \udcff", "ascii") == "\\xb5 \\xe9 \\udcff"
@@ -305,7 +305,7 @@ def test_what_is_said_of_a_fit_is_printable(name, fitted, capsys):
     result = renamed(fitted[0], name)
     lines = report.in_words(result) + [report.line(one) for one in result["left_out"]]
     for line in lines:
-        commands.echo(line)
+        terminal.echo(line)
     said = capsys.readouterr().out
     assert said.count("\n") == len(lines)
     assert all(line.isprintable() for line in said.split("\n"))
@@ -433,7 +433,7 @@ def in_process(command, name, arguments, capsys, monkeypatch) -> tuple[int, str]
     """Exit status of a command, and what it says."""
     monkeypatch.setattr(sys, "argv", [name, *arguments])
     with pytest.raises(SystemExit) as end:
-        commands.run(command, name)
+        exit_status.run(command, name)
     return end.value.code or 0, "".join(capsys.readouterr())
 
 
@@ -469,7 +469,7 @@ def test_a_shell_completes_no_file_whose_name_is_more_than_a_line(tmp_path, monk
     for name in NAMES.values():
         if len(name) < 200 and "/" not in name and "\x00" not in name:
             Path(f"a{name}.toml").touch()
-    complete = commands.sheet_names("mrjax.recipe.bundled")
+    complete = completion.sheet_names("mrjax.recipe.bundled")
     found = [one.value for one in complete(None, None, "a")]
     assert "a$x.toml" in found and all(name.isprintable() for name in found)
 

@@ -15,8 +15,11 @@ import mrjax
 from mrjax.__main__ import cli
 from mrjax.io.files import write_json
 from mrjax.observables.interface import Asymptotes
-from mrjax.paper import figures, table
+from mrjax.paper import figures, runs, table
 from mrjax.paper.dry_beds import INFERRED_FRICTION, dropped
+from mrjax.paper.eq_14 import HABERMAN_SAYRE_EXACT
+from mrjax.paper.row import as_tables
+from mrjax.paper.row import row as make_row
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 
@@ -65,7 +68,7 @@ def test_the_slips_are_explained_by_numbers(rows):
 
 
 def test_every_case_has_every_number_of_the_table(rows):
-    quantities = [{q for c, q in rows if c == case} for case in table.CASES]
+    quantities = [{q for c, q in rows if c == case} for case in runs.CASES]
     of_table = set.intersection(*quantities)
     assert len(of_table) == 11
     for row in rows.values():
@@ -74,17 +77,17 @@ def test_every_case_has_every_number_of_the_table(rows):
 
 
 def test_a_row_is_reproduced_to_its_printed_digits():
-    assert table.row("c", "q", "9.2", 9.2499, "1").status == "reproduced"
-    assert table.row("c", "q", "9.2", 9.2501, "1").status == "corrected"
-    assert table.row("c", "q", "2.16e-6", 2.1649e-6, "1").status == "reproduced"
-    assert table.row("c", "q", "2.16e-6", 2.1651e-6, "1").status == "corrected"
-    assert table.row("c", "q", "4", None, "1").status == "corrected"
-    assert table.row("c", "q", "4.0", 5.9, "%", within=2.0).status == "reproduced"
-    assert table.row("c", "q", "4.0", 1.9, "%", "", "why", within=2.0).status == "why"
+    assert make_row("c", "q", "9.2", 9.2499, "1").status == "reproduced"
+    assert make_row("c", "q", "9.2", 9.2501, "1").status == "corrected"
+    assert make_row("c", "q", "2.16e-6", 2.1649e-6, "1").status == "reproduced"
+    assert make_row("c", "q", "2.16e-6", 2.1651e-6, "1").status == "corrected"
+    assert make_row("c", "q", "4", None, "1").status == "corrected"
+    assert make_row("c", "q", "4.0", 5.9, "%", within=2.0).status == "reproduced"
+    assert make_row("c", "q", "4.0", 1.9, "%", "", "why", within=2.0).status == "why"
 
 
 def test_rows_are_written_as_json(rows, tmp_path):
-    write_json(tmp_path / "rows.json", table.as_tables(list(rows.values())))
+    write_json(tmp_path / "rows.json", as_tables(list(rows.values())))
     read = json.loads((tmp_path / "rows.json").read_text())
     keys = {"case", "quantity", "printed", "computed", "unit", "status", "reason"}
     assert all(set(row) == keys for row in read)
@@ -166,7 +169,7 @@ def test_the_command_writes_table_and_figures(paper_runs, tmp_path, monkeypatch)
         parameters = recipe.parameters()
         return mrjax.Sedimentation(paper_runs.beds["case2"], parameters, 1.0, (seed,))
 
-    monkeypatch.setattr(table, "simulated", ready)
+    monkeypatch.setattr(runs, "simulated", ready)
     monkeypatch.setattr(mrjax, "sedimentation", settled)
     arguments = ["reproduce", "--out", str(tmp_path), "--seed", "7", "--ensemble", "5"]
     result = CliRunner().invoke(cli, arguments)
@@ -187,7 +190,7 @@ def test_the_command_writes_table_and_figures(paper_runs, tmp_path, monkeypatch)
 
 
 def test_figure_2_shows_the_data_and_the_laws():
-    axes = figures.wall_factor(table.HABERMAN_SAYRE_EXACT).axes[0]
+    axes = figures.wall_factor(HABERMAN_SAYRE_EXACT).axes[0]
     drawn = {line.get_label(): line.get_xydata() for line in axes.lines}
     assert drawn["Haberman & Sayre, exact"][-1] == near([0.8, 73.555])
     assert drawn["Eq. 14 with its cap"][-1] == near([1.0, 48.985])

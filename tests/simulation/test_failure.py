@@ -40,7 +40,7 @@ def goes_on(error: mrjax.SimulationError, folder, **remedy) -> mrjax.Run:
     """From the file that a command leaves."""
     with (
         pytest.raises(mrjax.SimulationError, match=r"last good state, of .* is in"),
-        resume.kept(folder, False, True, seed=0),
+        resume.checkpointed(folder, False, True, seed=0),
     ):
         raise error
     assert {path.name for path in folder.iterdir()} == {resume.LAST_GOOD, results.LIST}

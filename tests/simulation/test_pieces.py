@@ -15,7 +15,7 @@ import pytest
 from jax.tree_util import Partial
 
 import mrjax
-from mrjax.cli import commands
+from mrjax.cli import exit_status
 from mrjax.core import interruption
 from mrjax.dem import schedule, sorting
 from mrjax.simulation import follow, pieces, progress
@@ -246,7 +246,7 @@ def test_one_run_that_fails_stops_the_others(small, monkeypatch):
 
 BUSY = """
 import click, jax
-from mrjax.cli import commands
+from mrjax.cli import exit_status
 
 @click.command()
 def busy():
@@ -254,7 +254,7 @@ def busy():
     jax.lax.fori_loop(0, 2**31 - 1, lambda _, x: jax.numpy.sin(x), 1.0).block_until_ready()
     jax.lax.fori_loop(0, 2**31 - 1, lambda _, x: jax.numpy.cos(x), 1.0).block_until_ready()
 
-commands.run(busy, "busy")
+exit_status.run(busy, "busy")
 """
 
 
@@ -267,7 +267,7 @@ def test_ctrl_c_ends_a_command_that_is_busy_outside_python():
     time.sleep(1.0)  # it is in the first of the two loops
     process.send_signal(signal.SIGINT)
     _, told = process.communicate(timeout=30.0)
-    assert process.returncode == commands.INTERRUPTED
+    assert process.returncode == exit_status.INTERRUPTED
     assert told.strip() == "busy: interrupted; no results were written"
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import mrjax.__main__
-from mrjax.cli import commands
+from mrjax.cli import environment, exit_status
 from tests.cli.test_commands import SMALL
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits and mounts of Linux")
@@ -37,7 +37,7 @@ slow = pytest.mark.slow
 @pytest.fixture
 def simulate(monkeypatch, capsys, tmp_path) -> Callable[..., tuple[int, str]]:
     """`mrjax simulate` in this process, which keeps its programs: exit status, standard error."""
-    monkeypatch.setattr(commands, "start_jax", lambda *_, **__: None)
+    monkeypatch.setattr(environment, "start_jax", lambda *_, **__: None)
 
     def run(folder: Path, *options: str) -> tuple[int, str]:
         sheet = tmp_path / "small.toml"
@@ -45,7 +45,7 @@ def simulate(monkeypatch, capsys, tmp_path) -> Callable[..., tuple[int, str]]:
         words = ["mrjax", "simulate", str(sheet), "--out", str(folder), *OPTIONS, *options]
         monkeypatch.setattr(sys, "argv", words)
         with pytest.raises(SystemExit) as end:
-            commands.run(mrjax.__main__.cli, "mrjax")
+            exit_status.run(mrjax.__main__.cli, "mrjax")
         out, err = capsys.readouterr()
         assert out == ""
         return end.value.code or 0, err
