@@ -549,6 +549,24 @@ def test_a_stiff_bed_is_a_rigid_one():
     assert gap(1e2) > 0.02
 
 
+@pytest.mark.parametrize(
+    "gel, fastest", [(0.25, 1.0), (0.4, 2.0), (0.5, 5.0)], ids=["suspension", "gel", "firm gel"]
+)
+def test_steps_follow_the_fastest_front_of_suspension_and_gel(gel, fastest):
+    """With one speed v: v out of the suspension, v gel / (0.6 - gel) off the bed's surface."""
+    times = [0.5 * HEIGHT / SPEED]
+    given = dict(height=HEIGHT, volume_fraction=0.2, bed_fraction=0.6, times=times)
+    given |= dict(compression=Compression(gel_fraction=gel, stress=40.0, exponent=7.0), cells=20)
+    # Half of the height at that speed, half a cell in each step: twice half of the cells.
+    steps = column_steps(spheres(), **given)
+    assert 20 * fastest <= steps < 1.15 * 20 * fastest
+    settled = column(spheres(), **given)
+    assert settled.steps == steps
+    assert float(settled.courant) == near(10 * fastest / steps, rel=1e-9)
+    with pytest.raises(mrjax.InputError, match="a front would cross more than half a cell"):
+        column(spheres(), steps=int(20 * fastest) - 1, **given)
+
+
 # --- use ----------------------------------------------------------------------------------------
 
 

@@ -1,6 +1,7 @@
 """Many particles in the order of where they are: the same run, given back in their own order."""
 
 import sys
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -9,6 +10,7 @@ import pytest
 
 import mrjax
 from mrjax.dem import sorting
+from tests.builders.particles import unit_spheres
 
 BOX = mrjax.Box((16.0, 12.0, 30.0), (True, False, False))
 NUMBER = 60
@@ -117,3 +119,28 @@ def test_the_order_is_that_of_cells(periodic):
     x, y, z = np.floor(position[places]).T
     rows = 100 * x + 10 * y + z
     assert (np.diff(rows) >= 0).all() and len(set(rows)) > 100
+
+
+def test_partners_are_renamed_with_the_particles():
+    """Three in a ring of orders, so that an order and its inverse differ; walls keep their ids."""
+    partner = jnp.array([[1, -2], [0, 2], [1, -1]], jnp.int32)
+    sliding = jnp.arange(18.0).reshape(3, 2, 3)
+    state = mrjax.place(np.arange(9.0).reshape(3, 3), materials=[5, 6, 7])
+    state = replace(state, contacts=mrjax.core.state.ContactHistory(partner, sliding, None))
+    order = np.array([1, 2, 0])
+    moved = sorting.permute_state(state, jnp.asarray(order))
+    np.testing.assert_array_equal(moved.position, np.asarray(state.position)[order])
+    np.testing.assert_array_equal(moved.material, [6, 7, 5])
+    # Who was 0, 1, 2 stands at 2, 0, 1.
+    np.testing.assert_array_equal(moved.contacts.partner, [[2, 1], [0, -1], [0, -2]])
+    np.testing.assert_array_equal(moved.contacts.sliding, np.asarray(sliding)[order])
+
+
+def test_parameters_of_each_particle_follow_it():
+    order = jnp.array([2, 0, 1])
+    radius = jnp.array([1.0, 2.0, 3.0])
+    table = jnp.array([[0.1, 0.2, 0.3], [0.2, 0.4, 0.5], [0.3, 0.5, 0.0]])
+    moved = sorting.permute_parameters(unit_spheres(radius=radius, friction=table), order)
+    np.testing.assert_array_equal(moved.radius, [3.0, 1.0, 2.0])
+    np.testing.assert_array_equal(moved.friction, table)
+    assert moved.viscosity.shape == ()

@@ -284,3 +284,28 @@ def test_a_run_is_refused_above_the_limit_of_its_bed_and_only_there(drag):
     for factor in (1.05, 1.3):
         with pytest.raises(mrjax.SimulationError, match="stiffer than the step can follow"):
             run(factor * guess)
+
+
+def test_a_contact_that_has_no_part_in_the_mode_of_before_is_found():
+    """Of four particles two touch, long enough for the mode to be theirs alone; then the others."""
+    parameters = spheres(1.0, 0.0)
+    rates = []
+    for gaps in ((1.9, 2.4), (2.4, 1.9)):
+        places = [[1.1, 1.5, 2.3], [1.1 + gaps[0], 1.5, 2.3]]
+        places += [[1.1, 4.5, 2.3], [1.1 + gaps[1], 4.5, 2.3]]
+        rates.append(listed_contacts(jnp.array(places), BOX, parameters))
+    swing = stability.unknown(4, jnp.dtype(float))
+    kicks = integrator.kick(parameters, 1.0), integrator.spin_kick(parameters, 1.0)
+
+    @jax.jit
+    def after(swing, listed, overlap, radius):
+        constants = effective.per_pair(parameters, None, *listed.surfaces)
+        return stability.swing(swing, listed, constants, overlap, radius, *kicks, sliding=True)
+
+    for _ in range(3):
+        swing = after(swing, *rates[0])
+    alone = float(swing.rate)
+    assert alone > 0.0
+    for _ in range(3):
+        swing = after(swing, *rates[1])
+    assert float(swing.rate) == near(alone, rel=1e-3)

@@ -19,6 +19,8 @@ import mrjax
 from mrjax import InputError, figures
 from mrjax.figures import spheres
 from mrjax.io import files
+from tests.builders.particles import unit_spheres
+from tests.builders.runs import run_of
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)
 
@@ -32,6 +34,7 @@ DRY = mrjax.Parameters(
     poisson_ratio=0.25,
 )
 BOX = mrjax.Box((1e-5, 1e-5, 2e-5))
+TALL = mrjax.Box((10.0, 10.0, 40.0))
 
 
 @pytest.fixture(scope="module")
@@ -107,13 +110,80 @@ def test_a_heat_map_holds_all_the_solid(run):
     np.testing.assert_allclose(solid[0], 2 * 4 / 3 * np.pi * 1e-18, rtol=1e-3)
     highest = np.flatnonzero(shown[:, 0])[-1]
     assert (highest + 0.5) * height == near(1.3e-5 + thickness / 2, rel=0.02)
+    np.testing.assert_allclose(axes.lines[0].get_xdata(), run.times)
     np.testing.assert_allclose(axes.lines[0].get_ydata(), run.mudline)
+    # Each column between the middles of two intervals, each row a slab.
+    edges = mesh.get_coordinates()
+    frame = 3e-5 / 12
+    begins = np.concatenate([[0.0], frame * (np.arange(12) + 0.5), [3e-5]])
+    np.testing.assert_allclose(edges[0, :, 0], begins, rtol=1e-12)
+    np.testing.assert_allclose(edges[:, 0, 1], height * np.arange(201), rtol=1e-12)
     assert axes.get_xlim() == (0.0, near(3e-5)) and axes.get_ylim() == (0.0, 2e-5)
     assert bar.get_ylabel() == "volume fraction"
     assert {"time", "height"} == {axes.get_xlabel(), axes.get_ylabel()}
     # Units with the numbers.
     assert axes.get_xticklabels()[-1].get_text().endswith("µs")
     assert axes.get_yticklabels()[-1].get_text() == "20 µm"
+
+
+def test_the_curve_of_a_settling_run_is_beside_its_formula():
+    """Dots of the run, the line of Eq. 27, and how far the mudline has come."""
+    parameters = unit_spheres(gravity=1.0, viscosity=0.05)
+    times = np.linspace(0.0, 2.0, 9)
+    speed = 0.1 * times
+    run = run_of(times, 30.0 - 2.0 * times[:, None] * [1.0, 1.5], TALL, mean_velocity=speed)
+    velocity, mudline = drawn(figures.settling(run, parameters)).axes
+    line, dots = velocity.lines
+    per_day = 1000.0 * 86400.0  # mm/day in m/s
+    relaxation = 1.0 / (6 * np.pi * 0.05)  # of 1 kg
+    moments = line.get_xdata()
+    np.testing.assert_allclose(moments, np.linspace(0.0, 2.0, 200), rtol=1e-12)
+    exact = per_day * relaxation * (1.0 - np.exp(-moments / relaxation))
+    np.testing.assert_allclose(line.get_ydata(), exact, rtol=1e-9, atol=1e-9 * exact.max())
+    np.testing.assert_allclose(dots.get_xdata(), times)
+    np.testing.assert_allclose(dots.get_ydata(), per_day * speed)
+    (descent,) = mudline.lines
+    np.testing.assert_allclose(descent.get_xdata(), times)
+    np.testing.assert_allclose(descent.get_ydata(), 2.0 * times)
+    assert velocity.get_ylabel() == "settling velocity, mm/day"
+    assert mudline.get_ylabel() == "descent of the mudline"
+
+
+def test_what_rises_is_drawn_as_rising():
+    times = np.linspace(0.0, 2.0, 9)
+    run = run_of(times, 5.0 + times[:, None], TALL, mean_velocity=-times, rising=jnp.asarray(True))
+    light = unit_spheres(gravity=1.0, viscosity=0.05, fluid_density=1.0)
+    velocity, mudline = drawn(figures.settling(run, light)).axes
+    assert mudline.get_ylabel() == "rise of the mudline"
+    np.testing.assert_allclose(mudline.lines[0].get_ydata(), times)
+    low, high = velocity.get_ylim()
+    assert low < -2.0 * 86400e3 and high == 0.0
+
+
+def test_the_whole_curve_has_its_asymptotes_and_profiles():
+    """Two runs that fall straight and rest: lines that meet where the fall ends."""
+    times = np.linspace(0.0, 10.0, 11)
+    each = [
+        run_of(times, np.maximum(39.0 - 4.0 * times, rest - 1.0)[:, None], TALL)
+        for rest in (24.0, 16.0)
+    ]
+    runs = jax.tree.map(lambda *leaves: jnp.stack(leaves), *each)
+    whole = mrjax.Sedimentation(runs, unit_spheres(), 1.0, (0, 1))
+    curve, profile = drawn(figures.sedimentation(whole)).axes
+    first, second, mean, corners = curve.lines
+    for line, rest in ((first, 24.0), (second, 16.0)):
+        np.testing.assert_allclose(line.get_xdata(), times)
+        np.testing.assert_allclose(line.get_ydata(), np.maximum(40.0 - 4.0 * times, rest) / 40.0)
+    both = np.asarray(first.get_ydata()), np.asarray(second.get_ydata())
+    np.testing.assert_allclose(mean.get_ydata(), np.mean(both, axis=0))
+    np.testing.assert_allclose(corners.get_xdata(), [0.0, 5.0, 10.0])
+    np.testing.assert_allclose(corners.get_ydata(), [1.0, 0.5, 0.5])
+    # Of the first run at the start, on half of the way, where the lines meet, and at the end.
+    assert [line.get_label() for line in profile.lines] == ["0 s", "3 s", "5 s", "10 s"]
+    for line, centre in zip(profile.lines, (39.0, 27.0, 23.0, 23.0), strict=True):
+        fraction, level = map(np.asarray, line.get_data())
+        assert level[0] == 0.0 and level[-1] == 1.0
+        assert 40.0 * np.average(level, weights=fraction) == near(centre, abs=0.5)
 
 
 def test_bars_of_sensitivities_are_in_the_order_of_their_size():

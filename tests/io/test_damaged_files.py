@@ -61,7 +61,7 @@ def good(tmp_path_factory) -> dict[str, bytes]:
     """A state with what its contacts remember, and a run with its trajectory, as files."""
     folder = tmp_path_factory.mktemp("good")
     run = mrjax.simulate(START, BALLS, BOX, duration=1e-6, frames=2, trajectory=True)
-    contacts = mrjax.core.allocate_history(3, 2, float, sliding=True, rolling=True)
+    contacts = mrjax.core.state.allocate_history(3, 2, float, sliding=True, rolling=True)
     state = mrjax.State(*(0.1 + x for x in (START.position,) * 3), contacts, np.zeros(3, np.int32))
     mrjax.save_state(folder / "state.npz", state)
     mrjax.save_run(folder / "run.npz", run, {"seed": 1})

@@ -152,6 +152,13 @@ def test_denser_suspensions(tmp_path, particle):
     separated(recipe, mrjax.disperse(recipe))
 
 
+def test_no_seed_leaves_an_overlap(tmp_path):
+    """However small: spheres that are pushed apart come to touch before they are free."""
+    recipe = recipe_of(tmp_path, 0.8655, [12e-6, 12e-6, 12e-6], (True, True, False))
+    for seed in range(40):
+        separated(recipe, mrjax.disperse(recipe, seed))
+
+
 @pytest.mark.parametrize(
     ("count", "particle", "size"),
     [

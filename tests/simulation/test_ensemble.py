@@ -95,9 +95,9 @@ def found(folder: Path, count: int, devices: int) -> list[dict]:
 
 
 @pytest.fixture(scope="module")
-def two_devices(tmp_path_factory):
-    """One process with two devices."""
-    return found(tmp_path_factory.mktemp("devices"), 1, 2)[0]
+def three_devices(tmp_path_factory):
+    """One process with three devices: they divide neither two members nor five."""
+    return found(tmp_path_factory.mktemp("devices"), 1, 3)[0]
 
 
 def same(one, other) -> None:
@@ -107,15 +107,15 @@ def same(one, other) -> None:
 
 
 @pytest.mark.slow
-def test_processes_change_no_number(tmp_path, two_devices):
+def test_processes_change_no_number(tmp_path, three_devices):
     """Five members in two shares: the last place is filled. Two: one in each."""
     for each in found(tmp_path, 2, 1):
-        same(each, two_devices)
+        same(each, three_devices)
 
 
-def test_members_are_what_they_are_alone(two_devices, case2):
+def test_members_are_what_they_are_alone(three_devices, case2):
     """Whatever their number; rounded otherwise by another program, of which contacts make more."""
-    five, two = two_devices["five"], two_devices["two"]
+    five, two = three_devices["five"], three_devices["two"]
     same(two, jax.tree.map(lambda leaf: leaf[:2], five))
     assert five.heights.shape == (5, 4, 20) and not five.fault.any()
     box = mrjax.Box((10e-6, 10e-6, 20e-6))
@@ -131,7 +131,7 @@ def test_members_are_what_they_are_alone(two_devices, case2):
     assert len({float(height) for height in five.heights[:, -1, 0]}) == 5
 
 
-def test_an_ensemble_is_differentiated_with_what_it_holds(two_devices):
+def test_an_ensemble_is_differentiated_with_what_it_holds(three_devices):
     """By all members, and by a value that they share."""
     members = {"x": jnp.arange(6.0).reshape(3, 2), "k": jnp.array([1, 2, 3])}
 
@@ -144,7 +144,7 @@ def test_an_ensemble_is_differentiated_with_what_it_holds(two_devices):
     by, x = jax.grad(total, argnums=(0, 1))(2.0, members["x"])
     np.testing.assert_allclose(by, (0 + 1) + 2 * (4 + 9) + 3 * (16 + 25))
     np.testing.assert_allclose(x, 4.0 * np.array([[1], [2], [3]]) * members["x"])
-    np.testing.assert_allclose(two_devices["slope"], np.sum(np.linspace(40.0, 60.0, 5) ** 2))
+    np.testing.assert_allclose(three_devices["slope"], np.sum(np.linspace(40.0, 60.0, 5) ** 2))
 
 
 @pytest.mark.parametrize("members", [{}, {"x": np.ones(3), "k": np.ones(2)}, np.ones(0), 1.0])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import mrjax
+from tests.builders.particles import unit_spheres
 
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12
 OVERLAP, REST, FRAMES = 0.05, 1e-3, 100
@@ -214,6 +215,32 @@ def test_a_bed_that_does_not_come_to_rest_in_time_is_refused(walled):
     bold = mrjax.settle(states[0], parameters, WALLED, frames=FRAMES, longest=short, rest=0.9)
     assert float(bold.times[-1]) <= short * 1.5
     assert (bold.mean_speed[-3:] < 0.9 * mrjax.terminal_velocity(parameters)).all()
+
+
+def test_a_step_that_is_too_long_is_shortened_until_the_bed_is_stable(walled, first):
+    """0.7 times as long, again and again, with all that had been followed done anew."""
+    parameters, states, _ = walled
+    long = first.time_step / 0.7**1.5
+    again = mrjax.settle(states[0], parameters, WALLED, frames=FRAMES, time_step=long)
+    shorter = np.log(again.time_step / long) / np.log(0.7)
+    assert 0.9 < shorter < 3.2  # rounded down to fill the frames, each time
+    assert again.steps * again.time_step == near(float(again.times[-1]), rel=1e-9)
+    assert (again.mean_speed[-3:] < REST * mrjax.terminal_velocity(parameters)).all()
+    assert float(again.mudline[-1]) == near(float(first.mudline[-1]), rel=0.02)
+
+
+def test_a_particle_that_turns_does_not_rest():
+    """Thrown upwards, it stands still as the tenth frame is taken: three in a row must be slow."""
+    box = mrjax.Box((10.0, 10.0, 40.0))
+    parameters = unit_spheres(gravity=1.0, viscosity=1e-3, restitution=0.1, elastic_modulus=1e4)
+    # The duration that is expected: of a fall from the top, at 31, onto what it fills itself.
+    fall = np.sqrt(2.0 * (31.0 - 4 / 3 * np.pi / (0.64 * 100.0)))
+    state = mrjax.place([[5.0, 5.0, 30.0]], [[0.0, 0.0, 0.1 * fall]])
+    run = mrjax.settle(state, parameters, box, frames=100, rest=0.02)
+    assert float(run.times[10]) == near(0.1 * fall, rel=1e-6)
+    speed = np.asarray(run.mean_speed)
+    assert speed[10] < 0.02 * speed[:11].max() < speed[9]
+    assert len(speed) > 100 and float(run.mudline[-1]) < 2.5  # on the floor
 
 
 SOFT = dict(elastic_modulus=1e3, wall_elastic_modulus=1e3)  # what is not refused ends soon
