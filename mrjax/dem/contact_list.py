@@ -15,6 +15,7 @@ from mrjax.core.units import Units
 from mrjax.dem import contact_history, neighbours, pairs, schedule
 from mrjax.dem.forces import ContactForces, active_laws, contact_law
 from mrjax.dem.pairs import Pairs
+from mrjax.dem.reduced_units import reduced_parameters, reduced_state
 from mrjax.laws import effective, normal, particle
 
 
@@ -125,11 +126,11 @@ def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, Cont
     checks.between_walls(box, diameter)
     length = diameter / 2
     units = Units(mass=1000.0 * length**3, length=length, time=length)
-    reduced = parameters.reduced(units).astype(state.position.dtype)
+    reduced = reduced_parameters(parameters, units, state)
     laws = active_laws(parameters)
     position = state.position / units.length
     scaled = box.scaled(1 / units.length)
-    plan = schedule.list_plan(state, radius, box, diameter, skin=0.0)
+    plan = schedule.plan_neighbour_list(state, radius, box, diameter, skin=0.0)
     of_each = jnp.broadcast_to(particle.outer_radius(reduced), (state.particles,))
     skin = plan.cutoff - 2.0 * jnp.max(of_each)
     while True:
@@ -139,20 +140,14 @@ def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, Cont
         if overflow is None or not overflow:
             break
         plan = plan.grown(int(overflow), state.particles)
-    notes = contact_history.from_state(
-        state.contacts,
-        state.position,
-        slots=plan.capacity + 2 * len(box.walled_axes),
-        sliding=laws.sliding,
-        rolling=laws.rolling,
-        unit_length=units.length,
-    )
+    slots = plan.capacity + 2 * len(box.walled_axes)
+    _, velocity, spin, history = reduced_state(state, units, slots, laws)
     law = contact_law(reduced, laws=laws, material=state.material, time_step=0.0)
     found = law(listed)(
         jnp.zeros_like(position.T),
-        state.velocity.T / units.velocity,
-        state.spin.T * units.time,
-        contact_history.pairs_from_particles(notes, listed),
+        velocity,
+        spin,
+        contact_history.pairs_from_particles(history, listed),
         jnp.zeros_like(position, shape=plan.pairs),
         jnp.ones_like(position, shape=2),
     )

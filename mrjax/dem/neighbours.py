@@ -30,7 +30,7 @@ CELLS_OVERFULL = int(partition.PartitionErrorCode.CELL_LIST_OVERFLOW)
 
 
 @dataclass(frozen=True)
-class Plan:
+class ListPlan:
     """What fixes the shapes of a neighbour list: concrete numbers, never traced."""
 
     cutoff: float  # distance of centres up to which pairs are listed
@@ -39,7 +39,7 @@ class Plan:
     cell_capacity: int  # particles in each cell
     pairs: int  # P, pairs within the skin of each other
 
-    def grown(self, overflow: int, particles: int) -> "Plan":
+    def grown(self, overflow: int, particles: int) -> "ListPlan":
         """A plan with more room where a list built by this one overflowed."""
 
         def more(capacity: int, bit: int, limit: int) -> int:
@@ -64,9 +64,9 @@ class Neighbours:
     overflow: Array  # () PAIRS_DROPPED, CELLS_OVERFULL or both; 0 when every pair is listed
 
 
-def plan(
+def plan_list(
     box: Box, particles: int, largest_diameter: float, typical_diameter: float, skin: float
-) -> Plan:
+) -> ListPlan:
     """A plan with room for the densest bed that such particles usually form.
 
     Args:
@@ -93,7 +93,7 @@ def plan(
     # within a twentieth of a diameter.
     of_each = 3.0 + 10.0 * skin / largest_diameter
     every_contact = particles * (particles - 1) // 2 + 2 * particles * len(box.walled_axes)
-    return Plan(
+    return ListPlan(
         cutoff=cutoff,
         cell=cell,
         capacity=min(particles - 1, capacity),
@@ -102,7 +102,7 @@ def plan(
     )
 
 
-def build(plan: Plan, box: Box, position: Array) -> Neighbours:
+def build(plan: ListPlan, box: Box, position: Array) -> Neighbours:
     """The neighbour list of `position`, (N, 3). Works under jit, grad and vmap."""
     particles = position.shape[0]
     displacement, _ = box.space()
@@ -128,7 +128,7 @@ def build(plan: Plan, box: Box, position: Array) -> Neighbours:
     )
 
 
-def _search(plan: Plan, box: Box, displacement: Callable, position: Array) -> Any:
+def _search(plan: ListPlan, box: Box, displacement: Callable, position: Array) -> Any:
     size = np.array(box.size)
     three_cells = 3.001 * plan.cell
     grid = np.where(size <= three_cells, three_cells, size)

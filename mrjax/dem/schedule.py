@@ -15,7 +15,7 @@ from mrjax.core.parameters import Parameters
 from mrjax.core.state import State
 from mrjax.core.tracing import evaluated_or_none
 from mrjax.dem import neighbours
-from mrjax.dem.neighbours import Plan
+from mrjax.dem.neighbours import ListPlan
 from mrjax.laws import particle, time_scales
 from mrjax.laws.time_scales import Mode
 
@@ -43,7 +43,7 @@ class Schedule:
         return replace(self, intervals=math.ceil(self.intervals * self.steps / steps), steps=steps)
 
 
-def cut(duration: float, time_step: float, frames: int, rebuild_every: int) -> Schedule:
+def plan_steps(duration: float, time_step: float, frames: int, rebuild_every: int) -> Schedule:
     """The fewest equal steps, none longer than `time_step`, that fill the frames.
 
     Raises:
@@ -94,14 +94,14 @@ def contact_diameter(state: State, radius: np.ndarray | None, slack: float) -> f
     return given if serves else actual
 
 
-def list_plan(
+def plan_neighbour_list(
     state: State,
     radius: np.ndarray | None,
     box: Box,
     diameter: float,
     skin: float,
     capacity: int | None = None,
-) -> Plan:
+) -> ListPlan:
     """The neighbour list of a state, with contact radii as unit of length.
 
     Args:
@@ -113,7 +113,7 @@ def list_plan(
       capacity: partners of each particle; left out, for a random close packing.
     """
     typical = 1.0 if radius is None else min(1.0, particle.typical_diameter(radius) / diameter)
-    plan = neighbours.plan(
+    plan = neighbours.plan_list(
         box.scaled(2 / diameter),
         state.particles,
         2.0,
@@ -129,7 +129,7 @@ def list_plan(
     return replace(plan, capacity=room)
 
 
-def fastest(
+def greatest_speed(
     velocity: np.ndarray | None, numbers: Parameters, box: Box, duration: float
 ) -> float | None:
     """Upper bound on the speed of particles that move freely, m/s; None where it is traced.

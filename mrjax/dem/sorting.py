@@ -12,6 +12,7 @@ from jax import Array, lax
 from mrjax.core.box import Box
 from mrjax.core.parameters import Parameters
 from mrjax.core.state import ContactHistory, State
+from mrjax.dem.plan import System
 
 SORT_FROM = 4096
 """Fewer particles fit into the fastest memory in any order."""
@@ -46,6 +47,14 @@ def permute_state(state: State, order: Array) -> State:
         partner = jnp.where(rows.partner < 0, rows.partner, place[rows.partner])
         moved["contacts"] = replace(rows, partner=partner)
     return replace(state, **moved)
+
+
+def permute_system(system: System, order: Array) -> System:
+    """The same system with its particles in that order."""
+    return system._replace(
+        state=permute_state(system.state, order),
+        parameters=permute_parameters(system.parameters, order),
+    )
 
 
 def permute_parameters(parameters: Parameters, order: Array) -> Parameters:

@@ -27,14 +27,14 @@ class ModeEstimate(NamedTuple):
     rate: Array  # 1 at the limit of stability, ()
 
 
-def unknown(particles: int, dtype) -> ModeEstimate:
+def initial_estimate(particles: int, dtype) -> ModeEstimate:
     """Before a first bed has been seen: neighbours move apart, in no order."""
     with randomness.ordered():
         mode = jax.random.normal(randomness.key(0), (6, particles), dtype)
     return ModeEstimate(mode, jnp.zeros((), dtype))
 
 
-def swing(
+def estimate_mode(
     before: ModeEstimate,
     listed: Pairs,
     constants: PairProperties,
@@ -94,7 +94,7 @@ def swing(
     length = jnp.sqrt(jnp.sum(before.mode**2))
     found = lax.fori_loop(0, ITERATIONS, iterated, ModeEstimate(before.mode / length, before.rate))
     # What has come to rest is forgotten, but not for good: noise wakes modes of contacts to come.
-    noise = unknown(len(radius), radius.dtype).mode
+    noise = initial_estimate(len(radius), radius.dtype).mode
     return ModeEstimate(found.mode + 1e-3 * noise / jnp.sqrt(noise.size), 0.5 * found.rate)
 
 

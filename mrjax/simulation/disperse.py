@@ -21,7 +21,7 @@ from mrjax.core.errors import InputError
 from mrjax.core.promotion import relaxed_promotion
 from mrjax.core.state import State, place
 from mrjax.dem import neighbours
-from mrjax.dem.neighbours import Neighbours, Plan
+from mrjax.dem.neighbours import ListPlan, Neighbours
 from mrjax.laws import particle
 from mrjax.recipe.recipe import Recipe
 
@@ -74,7 +74,7 @@ def _spread(key: Array, box: Box, radius: np.ndarray) -> np.ndarray | None:
     with randomness.ordered():
         room = np.asarray(jax.random.uniform(key, (radius.size, 3), radius.dtype))
     position = margin + room * (np.asarray(box.size, radius.dtype) - 2.0 * margin)
-    plan = neighbours.plan(box, radius.size, 2.0, particle.typical_diameter(radius), SKIN)
+    plan = neighbours.plan_list(box, radius.size, 2.0, particle.typical_diameter(radius), SKIN)
     for _ in range(MOST_REBUILDS):
         while True:
             moved, gap, overflow = _relax(position, radius, box, plan)
@@ -88,7 +88,7 @@ def _spread(key: Array, box: Box, radius: np.ndarray) -> np.ndarray | None:
 
 
 @partial(jax.jit, static_argnames=("box", "plan"))
-def _relax(position: Array, radius: Array, box: Box, plan: Plan) -> tuple[Array, Array, Array]:
+def _relax(position: Array, radius: Array, box: Box, plan: ListPlan) -> tuple[Array, Array, Array]:
     """A burst of FIRE with one neighbour list; positions, the least gap of the true spheres."""
     listed = neighbours.build(plan, box, position)
     swollen = radius * (1.0 + CLEARANCE)

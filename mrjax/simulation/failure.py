@@ -17,53 +17,45 @@ from mrjax.core.parameters import Parameters
 from mrjax.core.run import Fault, reasons
 from mrjax.core.state import State
 from mrjax.dem.engine import MAX_OVERLAP
-from mrjax.dem.scan import RunPlan, run_once
+from mrjax.dem.plan import RunPlan, System
+from mrjax.dem.scan import run_once
 from mrjax.dem.schedule import Schedule
 from mrjax.laws import particle
-from mrjax.laws.hindrance import Hindrance
 
 PIECES = 256
 """Into which a part is divided, and each that fails again."""
 
 
-def failure(
-    state: State,
-    parameters: Parameters,
-    hindrance: Hindrance | None,
-    box: Box,
-    setup: RunPlan,
-    faults: int,
-    time: float,
-) -> SimulationError:
-    """What to tell of a run with faults that cannot be mended.
+def failure(system: System, plan: RunPlan, faults: int, time: float) -> SimulationError:
+    """The error of a run with faults that cannot be repaired.
 
     Args:
-      state: in which the run began: the last good one.
-      parameters, hindrance, box, setup: of the run.
+      system: its state is where the run began, the last good one.
+      plan: of the run.
       faults: that it has.
       time: at which it began, s.
     """
-    span = _Span(state, setup, time, Fault(faults))
+    span = _Span(system.state, plan, time, Fault(faults))
     if span.faults != Fault.UNSTABLE:  # that is of the whole bed
-        span = _narrowed(span, parameters, hindrance, box)
+        span = _narrowed(span, system)
     where = f"between {span.begins:.6g} and {span.ends:.6g} s"
     if span.end is not None:
-        where = f"at {span.ends:.6g} s, {_who(span, span.end, parameters, box)}"
-    error = SimulationError(f"{where}: {reasons(span.faults)} (steps of {setup.time_step:.3g} s)")
-    error.state, error.time, error.faults = state, time, faults
+        where = f"at {span.ends:.6g} s, {_who(span, span.end, system.parameters, system.box)}"
+    error = SimulationError(f"{where}: {reasons(span.faults)} (steps of {plan.time_step:.3g} s)")
+    error.state, error.time, error.faults = system.state, time, faults
     return error
 
 
-def refuse_deep_start(state: State, parameters: Parameters, box: Box) -> None:
+def refuse_deep_start(system: System) -> None:
     """Refuses a start whose surfaces overlap by more than the contact law describes.
 
     Args:
-      state, parameters: concrete.
-      box: the container.
+      system: concrete.
 
     Raises:
       SimulationError: the deepest contact, and how deep it is.
     """
+    state, parameters, _, box = system
     position = np.asarray(state.position)
     if not np.isfinite(position).all():
         return  # which the run says
@@ -81,7 +73,7 @@ class _Span:
     """A piece of a run that has a fault."""
 
     state: State  # at its beginning
-    setup: RunPlan
+    plan: RunPlan
     begins: float  # s
     faults: Fault
     end: State | None = None  # where it is a single step
@@ -89,39 +81,40 @@ class _Span:
     @property
     def ends(self) -> float:
         """Of the piece, s."""
-        return self.begins + self.setup.duration
+        return self.begins + self.plan.duration
 
 
-def _narrowed(span: _Span, parameters: Parameters, hindrance: Hindrance | None, box: Box) -> _Span:
+def _narrowed(span: _Span, system: System) -> _Span:
     """The shortest piece of it, a single step if possible, that has a fault."""
     while span.end is None:
-        setup, state, begins = _piece(span.setup), span.state, span.begins
-        while begins < span.ends - 0.5 * setup.duration:
-            run = _once(state, parameters, hindrance, box, setup)
+        plan, state, begins = _piece(span.plan), span.state, span.begins
+        while begins < span.ends - 0.5 * plan.duration:
+            run = _once(system._replace(state=state), plan)
             if not run.fault:
-                state, begins = run.state, begins + setup.duration
-            elif (mended := setup.mended(int(run.fault), state.particles)) is not None:
-                setup = mended
-            else:
+                state, begins = run.state, begins + plan.duration
+                continue
+            larger = plan.with_larger_buffers(int(run.fault), system.particles)
+            if larger is None:
                 break
+            plan = larger
         else:
             return span  # rounded otherwise, it does not come again
-        end = run.state if setup.cuts.total == 1 else None
-        span = _Span(state, setup, begins, Fault(int(run.fault)), end)
+        end = run.state if plan.schedule.total == 1 else None
+        span = _Span(state, plan, begins, Fault(int(run.fault)), end)
     return span
 
 
-def _piece(setup: RunPlan) -> RunPlan:
-    """Of a run, about one of its PIECES; as many steps between looks at the list, or fewer."""
-    cuts = setup.cuts
-    most = max(1, cuts.total // PIECES)
-    steps = min(cuts.steps, most)
+def _piece(plan: RunPlan) -> RunPlan:
+    """The plan of about one of PIECES of a run; as many steps between rebuilds, or fewer."""
+    schedule = plan.schedule
+    most = max(1, schedule.total // PIECES)
+    steps = min(schedule.steps, most)
     shorter = Schedule(frames=1, intervals=most // steps, steps=steps)
-    duration = setup.duration * shorter.total / cuts.total
-    return replace(setup, duration=duration, cuts=shorter, trajectory=False, spoil=False)
+    duration = plan.duration * shorter.total / schedule.total
+    return replace(plan, duration=duration, schedule=shorter, trajectory=False, nan_on_fault=False)
 
 
-_once = jax.jit(run_once, static_argnames=("box", "setup"))
+_once = jax.jit(run_once, static_argnames="plan")
 
 
 def _who(step: _Span, end: State, parameters: Parameters, box: Box) -> str:
@@ -138,7 +131,7 @@ def _who(step: _Span, end: State, parameters: Parameters, box: Box) -> str:
         # Contacts are looked at half-way.
         before, drift = np.asarray(step.state.position), np.asarray(step.state.velocity)
         radius = np.asarray(particle.outer_radius(parameters))
-        half_way = before + 0.5 * step.setup.duration * drift
+        half_way = before + 0.5 * step.plan.duration * drift
         return _deepest(half_way, np.broadcast_to(radius, len(half_way)), box)[1]
     return _named((velocity**2).sum(axis=1).argmax(keepdims=True))
 

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 
 from tqdm import tqdm
 
-from mrjax.simulation.pieces import Pieces
+from mrjax.simulation.pieces import PiecewiseRun
 
 LONG = 60.0
 """Expected length of a call from which on it says so before it begins, s."""
@@ -51,7 +51,7 @@ def in_words(seconds: float) -> str:
 
 
 @contextmanager
-def watched(call: str, pieces: Pieces, progress: bool) -> Iterator[Callable[[int], object]]:
+def watched(call: str, pieces: PiecewiseRun, progress: bool) -> Iterator[Callable[[int], object]]:
     """A progress bar of a run of given duration, to be told the steps of every piece.
 
     It shows steps, physical time and what is left.
@@ -61,7 +61,7 @@ def watched(call: str, pieces: Pieces, progress: bool) -> Iterator[Callable[[int
       pieces: of the run, about to begin or to go on.
       progress: whether to show it.
     """
-    total = pieces.setup.cuts.total
+    total = pieces.plan.schedule.total
     announce(call, total - pieces.steps, pieces.particles)
     with tqdm(
         total=total,

@@ -1,10 +1,10 @@
 """The whole sedimentation curve: a run, or an ensemble of runs, until the bed rests."""
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import jax
 import jax.numpy as jnp
@@ -20,15 +20,16 @@ from mrjax.core.parameters import Parameters
 from mrjax.core.run import Fault, Run
 from mrjax.core.state import State, widened
 from mrjax.core.tracing import drop_tracers
-from mrjax.dem.scan import RunPlan
+from mrjax.dem.plan import RunPlan, System
 from mrjax.io import state_file
 from mrjax.io.checkpoint import Checkpoint, refuse_foreign
-from mrjax.laws.hindrance import Hindrance, as_tree
+from mrjax.laws.hindrance import as_tree
 from mrjax.simulation import estimates, processes
-from mrjax.simulation.follow import keep, resume
-from mrjax.simulation.pieces import Pieces
+from mrjax.simulation.follow import resume, store
+from mrjax.simulation.options import RunKeywords, RunOptions, takes_run_options
+from mrjax.simulation.pieces import PiecewiseRun
+from mrjax.simulation.plan import plan_run
 from mrjax.simulation.progress import announce
-from mrjax.simulation.simulate import plan_run
 
 ALONG = ("heights", "mean_velocity", "mean_speed", "trajectory")
 """What a run has one of for every frame, beside the times."""
@@ -36,10 +37,13 @@ FRAMES_AT_ONCE = 10
 FRAMES_AT_REST = 3
 PATIENCE = 20.0
 """Times the expected duration after which a bed is given up."""
+SKIN = 0.05
+"""Reach of the neighbour list beyond contact, contact diameters."""
 SHORTER = 0.7
 """Factor on a step that turned out too long."""
 
 
+@takes_run_options
 def settle(
     states: State | Sequence[State],
     parameters: Parameters,
@@ -48,13 +52,8 @@ def settle(
     frames: int = 200,
     rest: float = 1e-3,
     longest: float | None = None,
-    time_step: float | None = None,
-    skin: float = 0.05,
-    rebuild_every: int | None = None,
-    hindrance: Hindrance | None = None,
-    progress: bool = False,
-    trajectory: bool = False,
     checkpoint: str | Path | None = None,
+    **options: Unpack[RunKeywords],
 ) -> Run:
     """Follows a suspension until its bed rests.
 
@@ -72,13 +71,11 @@ def settle(
       rest: mean speed of the particles at which they rest, over that at which one falls alone, or
         over the greatest there was, if that is less.
       longest: duration after which to give up, s; left out, 20 times the expected one.
-      time_step: longest step, s; left out, what a random bed under its weight is stable at.
-      skin, rebuild_every, hindrance: as for `simulate`.
-      progress: whether to show a progress bar, on standard error.
-      trajectory: whether to record all positions, velocities and spins (`Run.trajectory`).
       checkpoint: folder that keeps every ten frames. Called again with it and the same arguments,
         on the same machine, the runs go on, and end with the same bits. It stays until it is
         removed.
+      options: step, neighbour list, local drag, what is recorded and shown: `RunOptions`; here
+        `skin` is 0.05 where it is left out.
 
     Returns:
       The run, its observables with a leading axis for several states.
@@ -88,131 +85,172 @@ def settle(
       SimulationError: the bed did not come to rest, or the run is not to be trusted; the error
         carries the last good state.
     """
+    chosen = RunOptions(**{"skin": SKIN, **options})  # type: ignore[arg-type] # of RunKeywords
     refuse_foreign(checkpoint)
-    hindrance = as_tree(hindrance)
+    hindrance = as_tree(chosen.hindrance)
     rest = checks.positive(rest, "rest", "times the falling speed")
     each = list(states) if isinstance(states, Iterable) else [states]
-    for state in each:
-        checks.of_run(state, parameters, box)
-    if not each or len({state.particles for state in each}) > 1:
+    systems = [System(state, parameters, hindrance, box) for state in each]
+    settling = _expected(systems, chosen, frames, rest, longest)
+    work = None
+    if checkpoint is not None:
+        work = _checkpoint(Path(checkpoint), systems, chosen, frames, settling)
+    runs = _settled(systems, chosen, settling, work)
+    return runs[0] if isinstance(states, State) else _stacked(runs)
+
+
+@dataclass(frozen=True)
+class _Settling:
+    """What is expected of a settling suspension, and when it rests."""
+
+    interval: float  # between frames, s
+    steps: float  # to rest, about
+    time_step: float  # longest, s
+    rest: float  # mean speed at rest, over the falling speed
+    falling: float  # speed of a particle alone, m/s
+    longest: float  # duration after which to give up, s
+
+
+def _expected(
+    systems: list[System], options: RunOptions, frames: int, rest: float, longest: float | None
+) -> _Settling:
+    """What is expected of these suspensions.
+
+    Raises:
+      InputError: an argument that cannot be used, or suspensions that do not settle.
+    """
+    for system in systems:
+        checks.of_run(system.state, system.parameters, system.box)
+    if not systems or len({system.particles for system in systems}) > 1:
         raise InputError("states differ in their number of particles, or there are none")
-    particles = each[0].particles
-    numbers = drop_tracers(parameters)
-    far = [estimates.ways(numbers, box, state.position) for state in each]
-    way = estimates.Way(*np.max(far, axis=0))
+    _, parameters, hindrance, box = systems[0]
+    particles, numbers = systems[0].particles, drop_tracers(parameters)
+    ways = [estimates.ways(numbers, box, system.state.position) for system in systems]
+    way = estimates.Way(*np.max(ways, axis=0))
     expectation, falling = estimates.duration(numbers, box, particles, way)
     interval = expectation / checks.whole(frames, "frames")
     longest = checks.positive(
         PATIENCE * expectation if longest is None else longest, "longest", "s"
     )
-    if time_step is not None:
-        time_step = checks.positive(time_step, "time_step", "s")
+    if options.time_step is not None:
+        time_step = checks.positive(options.time_step, "time_step", "s")
     else:
         time_step = min(interval, estimates.step(numbers, box, particles, falling, hindrance))
-    kept = None
-    if checkpoint is not None:
-        if processes.count() > 1:
-            raise InputError("checkpoint: is kept by a single process; leave it out")
-        kept = Checkpoint.of_work(
-            Path(checkpoint),
-            parameters=parameters,
-            box=box,
-            frames=frames,
-            rest=rest,
-            longest=longest,
-            time_step=time_step,
-            skin=skin,
-            rebuild_every=rebuild_every,
-            hindrance=hindrance,
-            trajectory=trajectory,
-            states=[state_file.arrays(state) for state in each],
-        )
-        kept.claim()  # before threads would do so at once
     steps = estimates.TIMES_FREE_FALL * expectation / time_step
-    announce("settle", steps * len(each) / min(len(each), processes.usable_cores()), particles)
-    tried = 0
+    return _Settling(interval, steps, time_step, rest, falling, longest)
+
+
+def _checkpoint(
+    folder: Path,
+    systems: list[System],
+    options: RunOptions,
+    frames: int,
+    settling: _Settling,
+) -> Checkpoint:
+    """The checkpoint of this work.
+
+    Raises:
+      InputError: it is of other runs, or of several processes.
+    """
+    if processes.count() > 1:
+        raise InputError("checkpoint: is kept by a single process; leave it out")
+    _, parameters, hindrance, box = systems[0]
+    work = Checkpoint.of_work(
+        folder,
+        parameters=parameters,
+        box=box,
+        frames=frames,
+        rest=settling.rest,
+        longest=settling.longest,
+        time_step=settling.time_step,
+        skin=options.skin,
+        rebuild_every=options.rebuild_every,
+        hindrance=hindrance,
+        trajectory=options.trajectory,
+        states=[state_file.arrays(system.state) for system in systems],
+    )
+    work.claim()  # before threads would do so at once
+    return work
+
+
+def _settled(
+    systems: list[System], options: RunOptions, settling: _Settling, work: Checkpoint | None
+) -> list[Run]:
+    """All runs to rest; again with a shorter step where one turned out unstable."""
+    at_once = min(len(systems), processes.usable_cores())
+    announce("settle", settling.steps * len(systems) / at_once, systems[0].particles)
+    tried, time_step = 0, settling.time_step
     with interruptible() as stop:
         while True:
-            setup = plan_run(
-                each[0],
-                parameters,
-                box,
-                duration=interval * FRAMES_AT_ONCE,
+            plan = plan_run(
+                systems[0],
+                replace(options, time_step=time_step),
+                duration=settling.interval * FRAMES_AT_ONCE,
                 frames=FRAMES_AT_ONCE,
-                time_step=time_step,
-                skin=skin,
-                hindrance=hindrance,
-                rebuild_every=rebuild_every,
                 touch=True,
-                trajectory=trajectory,
             )
-            at = setup, (rest, falling), longest
             follow = partial(
-                _until_rest, parameters, hindrance, box, *at, progress, kept, f"try-{tried}", stop
+                _until_rest, plan, settling, options.progress, work, f"try-{tried}", stop
             )
-            found = processes.divided(partial(_side_by_side, follow, stop), each)
+            found = processes.divided(partial(_side_by_side, follow, stop), systems)
             runs = [run for run in found if run is not None]
             if len(runs) == len(found):
-                return runs[0] if isinstance(states, State) else _stacked(runs)
-            time_step = SHORTER * setup.time_step
+                return runs
+            time_step = SHORTER * plan.time_step
             tried += 1
 
 
 def _side_by_side(
-    follow: Callable[[int, State], Run | None], stop: Stop, states: Sequence[State]
+    follow: Callable[[int, System], Run | None], stop: Stop, systems: Sequence[System]
 ) -> list[Run | None]:
-    """Every state followed, one on each processor: a run is busy outside Python."""
-    runs = [partial(follow, place, state) for place, state in enumerate(states)]
+    """Follows every suspension, one on each processor: a run is busy outside Python."""
+    runs = [partial(follow, place, system) for place, system in enumerate(systems)]
     if len(runs) <= 1:
         return [run() for run in runs]
     return side_by_side(runs, processes.usable_cores(), stop)
 
 
 def _until_rest(
-    parameters: Parameters,
-    hindrance: Hindrance | None,
-    box: Box,
-    setup: RunPlan,
-    speeds: tuple[float, float],
-    longest: float,
+    plan: RunPlan,
+    settling: _Settling,
     progress: bool,
-    checkpoint: Checkpoint | None,
-    called: str,
+    work: Checkpoint | None,
+    name: str,
     stop: Stop,
     place: int,
-    state: State,
+    system: System,
 ) -> Run | None:
     """Ten frames after ten until the particles rest; None where that takes a shorter step."""
-    kept = None if checkpoint is None else checkpoint.sequence(f"{called}-start-{place}")
-    pieces = Pieces(state, parameters, hindrance, box, setup, stop=stop)
-    resume(pieces, kept)
+    parts = None if work is None else work.sequence(f"{name}-start-{place}")
+    pieces = PiecewiseRun(system, plan, stop=stop)
+    resume(pieces, parts)
     with _bar(progress, place) as bar:
-        while not (pieces.place.frame and _rests(pieces, speeds, longest, bar)):
+        while not (pieces.place.frame and _rests(pieces, settling, bar)):
             try:
-                pieces.go_on(FRAMES_AT_ONCE)
+                pieces.advance(FRAMES_AT_ONCE)
             except SimulationError as error:
                 if error.faults == Fault.UNSTABLE:
                     return None
                 raise
-            keep(pieces, kept)
+            store(pieces, parts)
     return pieces.run()
 
 
-def _rests(pieces: Pieces, speeds: tuple[float, float], longest: float, bar: tqdm) -> bool:
-    """Whether the particles rest by now, which the bar is told, too.
+def _rests(pieces: PiecewiseRun, settling: _Settling, bar: tqdm) -> bool:
+    """Whether the particles rest by now; updates the progress bar.
 
     Raises:
       SimulationError: they still move after the longest time.
     """
-    (rest, falling), speed = speeds, pieces.mean_speed
+    speed = pieces.mean_speed
     fastest, time = speed.max(), pieces.place.frame * pieces.frame_length
-    slow = rest * min(falling, fastest)
+    slow = settling.rest * min(settling.falling, fastest)
     left = speed[-1] / fastest if fastest > 0.0 else 0.0
     bar.set_postfix_str(f"{time:.3g} s, {left:.2%} of the greatest speed", False)
     bar.update(max(bar.n, _share(speed[-1], fastest, slow)) - bar.n)
     if (speed[-FRAMES_AT_REST:] <= slow).all():
         return True
-    if time >= longest:
+    if time >= settling.longest:
         raise SimulationError(
             f"after {time:.4g} s the particles still move at {speed[-1]:.3g} m/s, more "
             f"than {slow:.3g} m/s: give a larger `longest` or `rest`"

@@ -116,7 +116,7 @@ def test_what_was_written_by_half_is_taken_away(tmp_path):
 def test_a_search_is_one_program_whenever_the_collector_comes_by():
     """Else what nobody uses stays in it or not, and the next start compiles it once more."""
     box = mrjax.Box((10.0, 10.0, 10.0))
-    plan = neighbours.plan(box, 50, 1.0, 1.0, 0.1)
+    plan = neighbours.plan_list(box, 50, 1.0, 1.0, 0.1)
     positions = jax.ShapeDtypeStruct((50, 3), jnp.float64)
 
     def traced(*, collected: bool) -> str:

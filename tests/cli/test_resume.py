@@ -143,8 +143,8 @@ def test_a_frame_repeated_with_more_room_is_so_again(small, tmp_path):
 
     roomy = settled()
     with pytest.MonkeyPatch.context() as patch:
-        plan = schedule.list_plan
-        patch.setattr(schedule, "list_plan", lambda *of: replace(plan(*of), pairs=PAIRS))
+        plan = schedule.plan_neighbour_list
+        patch.setattr(schedule, "plan_neighbour_list", lambda *of: replace(plan(*of), pairs=PAIRS))
         whole = settled()
         # The same contacts in another order.
         np.testing.assert_allclose(whole.mudline[:30], roomy.mudline[:30], rtol=1e-9)

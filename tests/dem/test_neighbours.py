@@ -16,7 +16,7 @@ from hypothesis.extra import numpy as arrays
 
 from mrjax import Box
 from mrjax.dem import neighbours
-from mrjax.dem.neighbours import CELLS_OVERFULL, PAIRS_DROPPED, Plan
+from mrjax.dem.neighbours import CELLS_OVERFULL, PAIRS_DROPPED, ListPlan
 from mrjax.simulation.disperse import _spread
 
 build = jax.jit(neighbours.build, static_argnames=("plan", "box"))
@@ -25,7 +25,7 @@ MIXES = list(itertools.product((False, True), repeat=3))
 # Wide enough for its own cells along z, three cells made of y, and x narrower than three cells.
 SIZE = (5.3, 6.6, 15.0)
 CUTOFF = 2.2
-ROOMY = Plan(cutoff=CUTOFF, cell=CUTOFF, capacity=60, cell_capacity=24, pairs=480)
+ROOMY = ListPlan(cutoff=CUTOFF, cell=CUTOFF, capacity=60, cell_capacity=24, pairs=480)
 
 
 def nearest(box: Box, position: np.ndarray) -> np.ndarray:
@@ -35,7 +35,7 @@ def nearest(box: Box, position: np.ndarray) -> np.ndarray:
     return vector - np.where(periodic, size * np.round(vector / size), 0.0)
 
 
-def check(plan: Plan, box: Box, position, dtype=np.float64) -> neighbours.Neighbours:
+def check(plan: ListPlan, box: Box, position, dtype=np.float64) -> neighbours.Neighbours:
     """Lists the pairs, and compares with all of them."""
     position = np.asarray(position, dtype)
     listed = build(plan, box, jnp.asarray(position))
@@ -44,7 +44,7 @@ def check(plan: Plan, box: Box, position, dtype=np.float64) -> neighbours.Neighb
     return listed
 
 
-def compare(plan: Plan, box: Box, position: np.ndarray, listed: neighbours.Neighbours) -> None:
+def compare(plan: ListPlan, box: Box, position: np.ndarray, listed: neighbours.Neighbours) -> None:
     slots, present = np.asarray(listed.partner), np.asarray(listed.present)
     _, particle = np.nonzero(present)
     found = list(zip(particle.tolist(), slots[present].tolist(), strict=True))
@@ -112,14 +112,14 @@ def test_narrow_columns(diameters, walls):
     width = 2 * diameters
     box = Box((width, width, 120.0), (not walls, not walls, False))
     particles = int(0.3 * box.volume / 4.19)
-    plan = neighbours.plan(box, particles, 2.0, 2.0, 0.2)
+    plan = neighbours.plan_list(box, particles, 2.0, 2.0, 0.2)
     check(replace(plan, capacity=60, cell_capacity=24), box, scattered(box, particles))
 
 
 @pytest.mark.parametrize("particles", [1, 2, 3])
 def test_a_handful_of_particles(particles):
     box = Box((6.0, 6.0, 6.0), (True, False, False))
-    plan = neighbours.plan(box, particles, 2.0, 2.0, 0.2)
+    plan = neighbours.plan_list(box, particles, 2.0, 2.0, 0.2)
     position = np.array([[0.5, 3.0, 3.0], [5.5, 3.0, 3.0], [1.5, 3.0, 3.5]])[:particles]
     listed = check(plan, box, position)
     # All are partners of all, across the periodic face.
@@ -129,7 +129,7 @@ def test_a_handful_of_particles(particles):
 
 def test_a_pair_apart_has_no_partners():
     box = Box((6.0, 6.0, 6.0))
-    listed = check(neighbours.plan(box, 2, 2.0, 2.0, 0.2), box, [[0.5, 3.0, 3.0], [5.5, 3.0, 3.0]])
+    listed = check(neighbours.plan_list(box, 2, 2.0, 2.0, 0.2), box, [[0.5, 3.0, 3.0], [5.5, 3.0, 3.0]])
     assert not listed.present.any()
 
 
@@ -147,7 +147,7 @@ def dense_bed():
 def test_a_dense_random_packing_fits_in_the_list_as_planned(dense_bed):
     box, position = dense_bed
     for skin in (0.0, 0.2, 0.8):
-        plan = neighbours.plan(box, position.shape[0], 2.0, 2.0, skin)
+        plan = neighbours.plan_list(box, position.shape[0], 2.0, 2.0, skin)
         listed = check(plan, box, position)
         assert int(listed.present.sum()) // 2 <= plan.pairs
         # Dense indeed: most particles have more than half a shell of twelve around them.
@@ -156,7 +156,7 @@ def test_a_dense_random_packing_fits_in_the_list_as_planned(dense_bed):
 
 def test_the_smallest_gap_is_that_of_all_pairs(dense_bed):
     box, position = dense_bed
-    plan = neighbours.plan(box, position.shape[0], 2.0, 2.0, 0.2)
+    plan = neighbours.plan_list(box, position.shape[0], 2.0, 2.0, 0.2)
     radius = np.random.default_rng(0).uniform(0.5, 1.0, position.shape[0])
     distance = np.linalg.norm(nearest(box, np.asarray(position)), axis=-1)
     np.fill_diagonal(distance, np.inf)
@@ -174,7 +174,7 @@ def test_the_densest_lattice_fits_in_the_list_as_planned(pressed):
     basis = np.array([[0, 0, 0], [0, 0.5, 0.5], [0.5, 0, 0.5], [0.5, 0.5, 0]])
     position = (corners[:, None, :] + basis).reshape(-1, 3) * edge
     box = Box(tuple(edge * count for count in cells), (True, True, True))
-    plan = neighbours.plan(box, len(position), 2.0, 2.0, 0.2)
+    plan = neighbours.plan_list(box, len(position), 2.0, 2.0, 0.2)
     for offset in (0.0, 0.01, 0.3):
         listed = check(plan, box, position + offset)
         # Each sphere of a face-centred cubic lattice touches twelve.
@@ -186,7 +186,7 @@ def test_particles_of_two_sizes_fit_in_the_list_as_planned():
     radius = np.where(np.arange(150) % 2, 1.0, 0.6)
     position = _spread(jax.random.key(0), box, jnp.asarray(radius))
     assert position is not None
-    check(neighbours.plan(box, 150, 2.0, 1.2, 0.2), box, position)
+    check(neighbours.plan_list(box, 150, 2.0, 1.2, 0.2), box, position)
 
 
 @pytest.mark.parametrize(
@@ -223,7 +223,7 @@ def test_too_little_room_is_flagged_and_mended(short, flag):
 def test_planned_room_for_contacts(particles, skin):
     """What a settled bed needs, and never more than there can be, where that is more than a few."""
     for periodic in MIXES:
-        found = neighbours.plan(Box(SIZE, periodic), particles, 2.0, 2.0, skin).pairs
+        found = neighbours.plan_list(Box(SIZE, periodic), particles, 2.0, 2.0, skin).pairs
         every = particles * (particles - 1) // 2 + 2 * periodic.count(False) * particles
         assert min(every, 3 * particles) <= found <= max(8, every)
         # The densest lattice has six contacts for each, and a second shell from 0.4 diameters on.
@@ -245,7 +245,7 @@ def test_no_room_at_all_is_flagged():
     assert int(build(replace(ROOMY, capacity=0), box, touching).overflow) & PAIRS_DROPPED
 
 
-def largest_array(plan: Plan, box: Box, particles: int) -> int:
+def largest_array(plan: ListPlan, box: Box, particles: int) -> int:
     """Elements of the largest array anywhere in the computation of a list."""
 
     def sizes(jaxpr):
@@ -269,7 +269,7 @@ def test_narrow_columns_do_not_fall_back_to_all_pairs(diameters, periodic):
         width = 2 * diameters
         height = particles * 4.19 / 0.3 / width**2
         box = Box((width, width, height), (periodic, periodic, False))
-        plan = neighbours.plan(box, particles, 2.0, 2.0, 0.2)
+        plan = neighbours.plan_list(box, particles, 2.0, 2.0, 0.2)
         largest[particles] = largest_array(plan, box, particles)
     # Vectors to all particles would be 3 N^2 elements, four times as many for twice as many.
     assert largest[2000] < 2000**2 / 3
@@ -278,7 +278,7 @@ def test_narrow_columns_do_not_fall_back_to_all_pairs(diameters, periodic):
 
 def test_a_tall_narrow_column_of_2000():
     box = Box((2.4, 2.4, 4900.0), (True, False, False))
-    check(neighbours.plan(box, 2000, 2.0, 2.0, 0.2), box, scattered(box, 2000))
+    check(neighbours.plan_list(box, 2000, 2.0, 2.0, 0.2), box, scattered(box, 2000))
 
 
 def test_vmap_gives_each_suspension_its_own_list():

@@ -19,7 +19,7 @@ from mrjax import Box
 from mrjax.dem import neighbours, pairs
 from mrjax.dem.forces import kinematics
 from mrjax.dem.forces.kinematics import ParticleState
-from mrjax.dem.neighbours import CELLS_OVERFULL, PAIRS_DROPPED, Plan
+from mrjax.dem.neighbours import CELLS_OVERFULL, PAIRS_DROPPED, ListPlan
 from mrjax.dem.pairs import Pairs
 from mrjax.laws import normal
 
@@ -28,10 +28,10 @@ SIZE = (5.3, 6.6, 9.9)
 SKIN = 0.2
 CUTOFF = 2.0 + SKIN
 COUNT = 80
-ROOMY = Plan(cutoff=CUTOFF, cell=CUTOFF, capacity=COUNT - 1, cell_capacity=COUNT, pairs=1200)
+ROOMY = ListPlan(cutoff=CUTOFF, cell=CUTOFF, capacity=COUNT - 1, cell_capacity=COUNT, pairs=1200)
 
 
-def of_suspension(plan: Plan, box: Box, position, radius) -> Pairs:
+def of_suspension(plan: ListPlan, box: Box, position, radius) -> Pairs:
     """The pairs of positions (N, 3), as in a run."""
     found = neighbours.build(plan, box, position)
     return pairs.listed(found, box, position.T, radius, jnp.full_like(radius, SKIN)[0], plan.pairs)
@@ -187,7 +187,7 @@ def test_there_is_room_for_every_pair():
     """All in one place, in a box that each of them fills: N (N - 1) / 2 and six walls each."""
     box = Box((2.1, 2.1, 2.1))
     position, radius = np.full((FEW, 3), 1.05), np.full(FEW, 1.0)
-    plan = neighbours.plan(box, FEW, 2.0, 2.0, SKIN)
+    plan = neighbours.plan_list(box, FEW, 2.0, 2.0, SKIN)
     for _ in range(20):
         plan = plan.grown(PAIRS_DROPPED | CELLS_OVERFULL, FEW)
     assert plan.pairs == EVERY_PAIR
@@ -258,7 +258,7 @@ def check_empty(listed: Pairs, particles: int) -> None:
 def test_particles_far_from_all_have_no_pairs(periodic):
     box = Box((8.0, 8.0, 8.0), periodic)
     position = np.array([[2.0, 2.0, 2.0], [6.0, 6.0, 2.0], [2.0, 6.0, 6.0]])
-    plan = neighbours.plan(box, 3, 2.0, 2.0, SKIN)
+    plan = neighbours.plan_list(box, 3, 2.0, 2.0, SKIN)
     listed = listing(plan, box, position, np.ones(3))
     assert check(box, position, np.ones(3), listed) == set()
     check_empty(listed, 3)
@@ -267,7 +267,7 @@ def test_particles_far_from_all_have_no_pairs(periodic):
 @pytest.mark.parametrize("periodic", MIXES, ids=str)
 def test_a_single_particle_meets_walls_alone(periodic):
     box = Box((4.0, 5.0, 6.0), periodic)
-    plan = neighbours.plan(box, 1, 2.0, 2.0, SKIN)
+    plan = neighbours.plan_list(box, 1, 2.0, 2.0, SKIN)
     radius = np.ones(1)
     corner = np.array([[1.1, 3.95, 0.9]])
     held = check(box, corner, radius, listing(plan, box, corner, radius))

@@ -46,7 +46,7 @@ def listed_contacts(position, box, parameters):
     """The contacts of a moment, and their overlaps: what a run hands to `swing`."""
     radius = jnp.broadcast_to(particle.outer_radius(parameters), (len(position),))
     largest = float(radius.max())
-    plan = neighbours.plan(box, len(position), 2 * largest, 2 * largest, 0.2)
+    plan = neighbours.plan_list(box, len(position), 2 * largest, 2 * largest, 0.2)
     plan = plan.grown(neighbours.PAIRS_DROPPED, len(position))
     listed = _listed(position, radius, plan.cutoff - 2 * largest, plan=plan, box=box)
     assert int(listed.overflow) == 0
@@ -70,10 +70,10 @@ def found_by_iteration(listed, overlap, radius, parameters, *, sliding, calls):
     kicks = integrator.kick(parameters, 1.0), integrator.spin_kick(parameters, 1.0)
 
     def again(swing, _):
-        swing = stability.swing(swing, listed, constants, overlap, radius, *kicks, sliding=sliding)
+        swing = stability.estimate_mode(swing, listed, constants, overlap, radius, *kicks, sliding=sliding)
         return swing, swing.rate
 
-    start = stability.unknown(radius.shape[0], radius.dtype)
+    start = stability.initial_estimate(radius.shape[0], radius.dtype)
     return jax.lax.scan(again, start, length=calls)[1]
 
 

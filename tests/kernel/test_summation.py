@@ -302,7 +302,7 @@ def test_pairs_beyond_the_room_are_neither_read_nor_written():
     """More pairs than places: those that are listed count, and the flag is the list's."""
     box = mrjax.Box((10.0, 10.0, 10.0))
     position = jnp.asarray(np.random.default_rng(3).uniform(4.0, 6.0, (8, 3)))
-    plan = neighbours.plan(box, 8, 2.0, 2.0, 0.2)
+    plan = neighbours.plan_list(box, 8, 2.0, 2.0, 0.2)
     found = neighbours.build(plan, box, position)
     radius = jnp.ones(8)
 

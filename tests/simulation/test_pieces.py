@@ -92,8 +92,8 @@ def test_a_frame_that_is_mended_is_so_whatever_the_pieces(small, monkeypatch, tm
     """The list has room for as many pairs as the suspension has, not for those of the bed."""
     parameters, state = small
     given = dict(duration=300.0, frames=10, time_step=0.0167, skin=0.05)
-    plan = schedule.list_plan
-    monkeypatch.setattr(schedule, "list_plan", lambda *of: replace(plan(*of), pairs=58))
+    plan = schedule.plan_neighbour_list
+    monkeypatch.setattr(schedule, "plan_neighbour_list", lambda *of: replace(plan(*of), pairs=58))
     whole = mrjax.simulate(state, parameters, WALLED, **given)
     first = list(met)
     assert {fault for fault, _ in first} == {mrjax.Fault.PAIRS_DROPPED}

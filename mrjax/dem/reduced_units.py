@@ -1,0 +1,108 @@
+"""Reduced units of a run, and back to SI: the only place where they are converted."""
+
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from mrjax.core.parameters import Parameters, per_particle
+from mrjax.core.run import Run
+from mrjax.core.state import State
+from mrjax.core.units import Units
+from mrjax.dem import contact_history
+from mrjax.dem.contact_history import ParticleHistory
+from mrjax.dem.engine import Motion, Observed, Outcome
+from mrjax.dem.forces import ActiveLaws
+from mrjax.dem.plan import Matter, RunPlan, System
+from mrjax.laws import particle
+
+
+def reduced_state(
+    state: State, units: Units, slots: int, laws: ActiveLaws
+) -> tuple[Array, Array, Array, ParticleHistory]:
+    """Positions, velocities and spins, (3, N) each, and the history of contacts.
+
+    Args:
+      state: in SI.
+      units: the reduced ones.
+      slots: S, contacts that each particle has room for.
+      laws: those that read the history.
+    """
+    history = contact_history.from_state(
+        state.contacts,
+        state.position,
+        slots=slots,
+        sliding=laws.sliding,
+        rolling=laws.rolling,
+        unit_length=units.length,
+    )
+    return (
+        state.position.T / units.length,
+        state.velocity.T / units.velocity,
+        state.spin.T * units.time,
+        history,
+    )
+
+
+def reduced_parameters(parameters: Parameters, units: Units, state: State) -> Parameters:
+    """Parameters in reduced units, of the dtype of the state."""
+    return parameters.reduced(units).astype(state.position.dtype)
+
+
+def reduced(
+    system: System, plan: RunPlan
+) -> tuple[tuple[Array, Array, Array, ParticleHistory], Matter]:
+    """Where a run begins, as `reduced_state`, and what its laws read."""
+    slots = plan.neighbour_list.capacity + 2 * len(system.box.walled_axes)
+    begin = reduced_state(system.state, plan.units, slots, plan.laws)
+    parameters = reduced_parameters(system.parameters, plan.units, system.state)
+    return begin, Matter(parameters, system.state.material, system.hindrance)
+
+
+def run_in_si(
+    system: System,
+    matter: Matter,
+    end: Motion,
+    observed: Observed,
+    outcome: Outcome,
+    plan: RunPlan,
+    nan_if_faulty: Array,
+) -> Run:
+    """The run, in SI.
+
+    Args:
+      system: its state has the materials and the contact diameter of the particles.
+      matter: what the laws read, in reduced units.
+      end: the motion at the end, in reduced units.
+      observed: at the start and in every frame, in SI, with a leading axis (frames + 1, ...).
+      outcome: of the whole, in reduced units.
+      plan: of the run.
+      nan_if_faulty: 1, or NaN for a run that is not to be trusted, ().
+    """
+    units, state = plan.units, system.state
+    last = replace(
+        state,
+        position=nan_if_faulty * units.length * end.position.T,
+        velocity=nan_if_faulty * units.velocity * end.velocity.T,
+        spin=nan_if_faulty / units.time * end.spin.T,
+        contacts=contact_history.to_state(outcome.history, nan_if_faulty, units.length),
+    )
+    radius = particle.outer_radius(matter.parameters)
+    times = np.linspace(0.0, plan.duration, plan.schedule.frames + 1)
+    return Run(
+        times=jnp.asarray(times, state.position.dtype),
+        heights=observed.heights,
+        mean_velocity=observed.descent,
+        mean_speed=observed.speed,
+        radius=units.length * per_particle(radius, state.particles),
+        state=last,
+        deepest_overlap=nan_if_faulty * outcome.overlap,
+        coating_overlap=nan_if_faulty * outcome.coating,
+        fault=outcome.fault,
+        box=system.box,
+        time_step=plan.time_step,
+        steps=plan.schedule.total,
+        trajectory=observed.trajectory,
+        rising=particle.rises(matter.parameters),
+    )

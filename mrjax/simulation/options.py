@@ -1,0 +1,73 @@
+"""Options that `simulate`, `follow` and `settle` share: one set, documented once."""
+
+import dataclasses
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypedDict, TypeVar
+
+from mrjax.laws.hindrance import Hindrance
+
+F = TypeVar("F", bound=Callable)
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """Options of a run, the keywords that `simulate`, `follow` and `settle` share.
+
+    Args:
+      time_step: longest step, s; shortened so that the steps fill the frames. Left out, it is
+        `mrjax.time_step(parameters)` (Eq. 29), or less where contacts are strongly damped, and
+        without its t_c where nothing can touch before the end; for `settle`, what a random bed
+        under its weight is stable at. Never differentiated through.
+      skin: reach of the neighbour list beyond contact, as a fraction of the contact diameter.
+      rebuild_every: steps after which the list is checked, and rebuilt if need be; left out, chosen
+        so that nothing falls through the skin in between.
+      capacity: room in the neighbour list of each particle; left out, for a random close packing.
+      cell_capacity: room in a search cell of the list; likewise.
+      hindrance: f_w for volume fractions, such as `recipe.hindrance` or
+        `lambda phi: (1 - phi) ** -4.65`: each particle then feels that of its own height
+        (`mrjax.hindrance`) in place of the parameters' f_w.
+      trajectory: whether to record all positions, velocities and spins (`Run.trajectory`).
+      progress: whether to show a progress bar, on standard error (plain calls).
+    """
+
+    time_step: float | None = None
+    skin: float = 0.1
+    rebuild_every: int | None = None
+    capacity: int | None = None
+    cell_capacity: int | None = None
+    hindrance: Hindrance | None = None
+    trajectory: bool = False
+    progress: bool = False
+
+
+class RunKeywords(TypedDict, total=False):
+    """The fields of `RunOptions` as keywords, for type checkers."""
+
+    time_step: float | None
+    skin: float
+    rebuild_every: int | None
+    capacity: int | None
+    cell_capacity: int | None
+    hindrance: Hindrance | None
+    trajectory: bool
+    progress: bool
+
+
+def takes_run_options(function: F) -> F:
+    """Shows the shared options in the signature of a function, in place of `**options`."""
+    signature = inspect.signature(function)
+    own = [
+        parameter
+        for parameter in signature.parameters.values()
+        if parameter.kind is not parameter.VAR_KEYWORD
+    ]
+    shared = [
+        inspect.Parameter(
+            field.name, inspect.Parameter.KEYWORD_ONLY, default=field.default, annotation=field.type
+        )
+        for field in dataclasses.fields(RunOptions)
+    ]
+    function.__signature__ = signature.replace(parameters=own + shared)  # type: ignore[attr-defined] # read by inspect
+    return function

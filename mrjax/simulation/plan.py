@@ -1,0 +1,135 @@
+"""Decides what a run leaves open: its step, its buffers, its laws. Refuses what cannot be run."""
+
+from dataclasses import replace
+
+import jax
+import numpy as np
+
+from mrjax.core import checks
+from mrjax.core.errors import InputError
+from mrjax.core.parameters import Parameters
+from mrjax.core.tracing import drop_tracers, evaluated_or_none, value_or_none
+from mrjax.dem import schedule
+from mrjax.dem.forces import ActiveLaws, active_laws
+from mrjax.dem.neighbours import ListPlan
+from mrjax.dem.plan import RunPlan, System
+from mrjax.laws import particle, time_scales
+from mrjax.laws.hindrance import BED_FRACTION
+from mrjax.simulation.options import RunOptions
+
+
+def plan_run(
+    system: System,
+    options: RunOptions,
+    *,
+    duration: float,
+    frames: int,
+    touch: bool | None = None,
+) -> RunPlan:
+    """The plan of a run.
+
+    Args:
+      system: what is to be run.
+      options: what is decided already.
+      duration: s.
+      frames: number of times at which observables are recorded, beside the start.
+      touch: whether particles touch before the end; left out, judged from where they are.
+
+    Raises:
+      InputError: an argument that cannot be used, a step that would be unstable, or a traced value
+        where a concrete one is needed.
+    """
+    state, parameters, _, box = system
+    frames = checks.whole(frames, "frames")
+    duration = checks.positive(duration, "duration", "s")
+    skin = checks.positive(options.skin, "skin", "contact diameters")
+    checks.meaningful(parameters, state.particles, state.material)
+    checks.in_reach(state)
+    position, velocity = value_or_none(state.position), value_or_none(state.velocity)
+    checks.inside_walls(position, box)
+    numbers = drop_tracers(parameters)
+    radius = evaluated_or_none(particle.outer_radius, numbers)
+    diameter = schedule.contact_diameter(state, radius, slack=skin / 4)
+    speed = schedule.greatest_speed(velocity, numbers, box, duration)
+    if touch is None:
+        travel = None if speed is None else 2 * speed * duration
+        touch = state.contacts is not None or checks.may_touch(
+            position, radius, box, travel, diameter
+        )
+    largest, hopeless = _stable_steps(system, numbers, diameter, speed) if touch else (None, None)
+    if options.time_step is None:
+        # Eq. 29 knows nothing of dissipation, which may ask for less.
+        limits = (_step_of_eq_29(numbers, touch), largest)
+        time_step = min((limit for limit in limits if limit is not None), default=duration)
+    else:
+        time_step = checks.positive(options.time_step, "time_step", "s")
+    time_step = min(duration / frames, time_step)
+    neighbour_list = _list_plan(system, options, radius, diameter, skin)
+    if largest is not None and hopeless is not None and time_step > hopeless:
+        raise InputError(
+            f"time_step = {time_step:.4g} s is unstable for contacts this stiff; the largest that "
+            f"would do is {0.995 * largest:.3g} s"
+        )
+    rebuild_every = options.rebuild_every
+    if rebuild_every is None:
+        rebuild_every = schedule.steps_within_skin(speed, time_step, skin * diameter)
+    steps = schedule.plan_steps(
+        duration, time_step, frames, checks.whole(rebuild_every, "rebuild_every")
+    )
+    # Without a contact friction would only be compiled.
+    none = ActiveLaws(sliding=False, rolling=False, damped=False)
+    laws = active_laws(parameters) if touch else none
+    return RunPlan(duration, diameter / 2, neighbour_list, steps, laws, options.trajectory)
+
+
+def _stable_steps(
+    system: System, numbers: Parameters, diameter: float, speed: float | None
+) -> tuple[float | None, float | None]:
+    """Largest stable steps of a close packing and of a pair, s; None where that is traced."""
+    if system.hindrance is not None:
+        with jax.ensure_compile_time_eval():
+            numbers = numbers.replace(f_w=drop_tracers(system.hindrance)(BED_FRACTION))
+    expected = numbers, system.box, diameter, speed
+    return (
+        schedule.largest_stable_step(*expected, time_scales.CLOSE_PACKED),
+        schedule.largest_stable_step(*expected, time_scales.TOUCHING_PAIR),
+    )
+
+
+def _list_plan(
+    system: System, options: RunOptions, radius: np.ndarray | None, diameter: float, skin: float
+) -> ListPlan:
+    """The neighbour list of a run.
+
+    Raises:
+      InputError: a capacity that is no number, or a box too narrow for the particles.
+    """
+    state, _, _, box = system
+    capacity = options.capacity
+    if capacity is not None:
+        capacity = checks.whole(capacity, "capacity")
+    plan = schedule.plan_neighbour_list(state, radius, box, diameter, skin, capacity)
+    if options.cell_capacity is not None:
+        room = checks.whole(options.cell_capacity, "cell_capacity")
+        plan = replace(plan, cell_capacity=min(room, state.particles))
+    checks.between_walls(box, diameter)
+    checks.wide_enough(box, state.particles, plan.cutoff * diameter / 2)
+    return plan
+
+
+def _step_of_eq_29(numbers: Parameters, touch: bool) -> float | None:
+    """Eq. 29, or what is left of it where nothing can touch: infinite without drag, None if traced.
+
+    Raises:
+      InputError: something can touch, and the parameters are traced.
+    """
+    if not touch:
+        rise = evaluated_or_none(time_scales.rise_time, numbers)
+        return None if rise is None else float(rise) / time_scales.REFINEMENT
+    chosen = evaluated_or_none(time_scales.time_step, numbers)
+    if chosen is None:
+        raise InputError(
+            "the parameters are traced by jit or vmap, so simulate cannot choose a step; give "
+            "time_step=float(mrjax.time_step(parameters)), computed outside"
+        )
+    return float(chosen)

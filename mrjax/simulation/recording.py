@@ -1,0 +1,82 @@
+"""What a run in pieces has recorded: rows of observables, in SI, and how they go to disk."""
+
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+import jax
+import numpy as np
+
+from mrjax.dem.engine import Observed
+
+T = TypeVar("T")
+
+
+class Recording:
+    """Observables at the start and in every frame so far, on the host."""
+
+    def __init__(self, at_start: Observed, order: np.ndarray | None) -> None:
+        """A recording that begins.
+
+        Args:
+          at_start: what is observed at the start, in SI.
+          order: place of every particle of the caller among those of the run, (N,); None where
+            they are the same.
+        """
+        self.order = order
+        self.rows = [jax.tree.map(lambda leaf: leaf[None], at_start)]
+        self._stored = 0
+
+    def add(self, rows: Observed) -> None:
+        """Appends what further frames recorded, (frames, ...) in SI."""
+        self.rows.append(rows)
+
+    @property
+    def mean_speed(self) -> np.ndarray:
+        """Mean speed of the particles at the start and in every frame so far, m/s."""
+        return np.concatenate([row.speed for row in self.rows])
+
+    def whole(self) -> Observed:
+        """All rows, particles in the order of the caller."""
+        whole: Observed = jax.tree.map(lambda *leaves: np.concatenate(leaves), *self.rows)
+        if self.order is None:
+            return whole
+        trajectory = jax.tree.map(lambda leaf: leaf[:, self.order], whole.trajectory)
+        return whole._replace(heights=whole.heights[:, self.order], trajectory=trajectory)
+
+    def empty_row(self) -> Observed:
+        """One row that nobody reads."""
+        return jax.tree.map(lambda leaf: leaf[:1], self.rows[0])
+
+    def new_arrays(self) -> dict[str, np.ndarray]:
+        """The arrays of the rows since the last call, by name; of no rows at least."""
+        nothing = jax.tree.map(lambda leaf: leaf[:0], self.rows[0])
+        fresh = [nothing, *self.rows[self._stored :]]
+        self._stored = len(self.rows)
+        return named_arrays("seen", jax.tree.map(lambda *leaves: np.concatenate(leaves), *fresh))
+
+    def restore(self, parts: list[dict[str, np.ndarray]]) -> None:
+        """Takes what `new_arrays` gave, call after call.
+
+        Raises:
+          KeyError: an array that is missing.
+        """
+        row = self.rows[0]
+        self.rows = [tree_of_arrays("seen", arrays, row) for arrays in parts]
+        self._stored = len(self.rows)
+
+
+def named_arrays(name: str, tree: Any) -> dict[str, np.ndarray]:
+    """The arrays of a tree by name."""
+    leaves, _ = jax.tree.flatten_with_path(tree)
+    return {f"{name}{jax.tree_util.keystr(path)}": np.asarray(leaf) for path, leaf in leaves}
+
+
+def tree_of_arrays(name: str, arrays: Mapping[str, np.ndarray], like: T) -> T:
+    """The tree of which `named_arrays` gave these arrays, among others.
+
+    Raises:
+      KeyError: an array that is missing.
+    """
+    leaves, structure = jax.tree.flatten_with_path(like)
+    found = (arrays[f"{name}{jax.tree_util.keystr(path)}"] for path, _ in leaves)
+    return jax.tree.unflatten(structure, found)
