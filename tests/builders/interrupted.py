@@ -69,7 +69,7 @@ def interrupted(call, after: float, when: threading.Event) -> float:
 
 if __name__ == "__main__":
     call, times = CALLS[sys.argv[1]], int(sys.argv[2])
-    at_once, compiled, piece = threading.Event(), threading.Event(), pieces.Pieces._piece
+    at_once, compiled, piece = threading.Event(), threading.Event(), pieces.PiecewiseRun._piece
     at_once.set()
     interrupted(call, 0.5, at_once)  # while JAX compiles: at the end of that
 
@@ -77,7 +77,7 @@ if __name__ == "__main__":
         piece(self, *arguments)
         compiled.set()
 
-    pieces.Pieces._piece = told
+    pieces.PiecewiseRun._piece = told
     chance = random.Random(0)
     for _ in range(times):
         print(interrupted(call, chance.uniform(0.5, 3.0), compiled), flush=True)

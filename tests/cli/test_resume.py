@@ -24,11 +24,11 @@ from calibrate.inference import posterior, profile
 from calibrate.least_squares.fit import fit
 from calibrate.least_squares.priors import LogNormal
 from mrjax.cli import exit_status, resume
-from mrjax.dem import schedule
+from mrjax.dem import scan, schedule
 from mrjax.io import checkpoint, npz
 from mrjax.io.checkpoint import Checkpoint
 from mrjax.io.results import LIST
-from mrjax.simulation import follow, pieces
+from mrjax.simulation import follow
 from tests.builders import ROOT
 from tests.calibrate.inference.test_inference import BENT, bent
 from tests.cli.test_commands import SMALL
@@ -129,7 +129,7 @@ def test_a_bed_stopped_at_any_part_goes_on_to_the_same_bits(small, tmp_path):
         assert contents(folder) != kept
     # All of it is kept: nothing is computed any more.
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pieces, "_advance", None)
+        patch.setattr(scan, "advance", None)
         alike(settled(small, checkpoint=folder), whole)
 
 
@@ -160,7 +160,7 @@ def test_a_run_of_given_duration_goes_on(small, tmp_path, monkeypatch, most):
     given = dict(duration=3.0, frames=6, time_step=0.018, rebuild_every=4)
     whole = mrjax.simulate(state, parameters, WALLED, **given)
     assert whole.heights.shape == (7, 20) and whole.times.shape == (7,)
-    monkeypatch.setattr(follow, "MOST_AT_ONCE", most)
+    monkeypatch.setattr(follow, "STEPS_IN_A_PART", most)
     for number in (1, 2, 3):
         folder = tmp_path / str(number)
         with pytest.raises(Stopped), stopping(number):

@@ -129,7 +129,9 @@ def test_a_handful_of_particles(particles):
 
 def test_a_pair_apart_has_no_partners():
     box = Box((6.0, 6.0, 6.0))
-    listed = check(neighbours.plan_list(box, 2, 2.0, 2.0, 0.2), box, [[0.5, 3.0, 3.0], [5.5, 3.0, 3.0]])
+    listed = check(
+        neighbours.plan_list(box, 2, 2.0, 2.0, 0.2), box, [[0.5, 3.0, 3.0], [5.5, 3.0, 3.0]]
+    )
     assert not listed.present.any()
 
 

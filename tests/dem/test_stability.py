@@ -70,7 +70,9 @@ def found_by_iteration(listed, overlap, radius, parameters, *, sliding, calls):
     kicks = integrator.kick(parameters, 1.0), integrator.spin_kick(parameters, 1.0)
 
     def again(swing, _):
-        swing = stability.estimate_mode(swing, listed, constants, overlap, radius, *kicks, sliding=sliding)
+        swing = stability.estimate_mode(
+            swing, listed, constants, overlap, radius, *kicks, sliding=sliding
+        )
         return swing, swing.rate
 
     start = stability.initial_estimate(radius.shape[0], radius.dtype)

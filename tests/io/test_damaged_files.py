@@ -233,7 +233,9 @@ def test_a_wrecked_checkpoint_gives_no_other_result(walked, tmp_path, monkeypatc
 
 @few_or(300, 12)
 def test_a_wrecked_checkpoint_of_a_run_gives_no_other_run(tmp_path, monkeypatch, trials):
-    monkeypatch.setattr(parts_of_runs, "MOST_AT_ONCE", 150)  # so that a short run has several parts
+    monkeypatch.setattr(
+        parts_of_runs, "STEPS_IN_A_PART", 150
+    )  # so that a short run has several parts
 
     def follow(folder: Path | None = None, **changes):
         given = dict(duration=4e-5, frames=8, time_step=1e-7, checkpoint=folder) | changes

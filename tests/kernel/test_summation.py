@@ -16,13 +16,12 @@ from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir, partial_eval
 
 import mrjax
-from mrjax.dem import engine, neighbours, pairs
+from mrjax.dem import engine, neighbours, pairs, scan
 from mrjax.dem.contact_history import PairHistory
 from mrjax.dem.forces import ActiveLaws, contact_law
 from mrjax.dem.pairs import Pairs
 from mrjax.kernel import arrays, pair_sum, primitive, summation
 from mrjax.kernel.llvm import codegen
-from mrjax.simulation import pieces
 from tests.builders import ROOT
 
 BOTH = ("float64", "float32")
@@ -872,14 +871,14 @@ def builds(monkeypatch):
         return build(*given)
 
     monkeypatch.setattr(neighbours, "build", counted)
-    pieces._advance.clear_cache()
+    scan.advance.clear_cache()
     yield seen
-    pieces._advance.clear_cache()
+    scan.advance.clear_cache()
 
 
 def flight(monkeypatch, parameters, state, hurry, duration=1.0, steps=400):
     monkeypatch.setattr(engine, "SPEED_MARGIN", hurry)
-    pieces._advance.clear_cache()
+    scan.advance.clear_cache()
     run = mrjax.simulate(
         state,
         parameters,

@@ -127,7 +127,7 @@ def test_a_particle_that_is_nowhere():
 
 def test_the_last_good_state_is_that_of_the_last_good_frame(tmp_path, monkeypatch):
     """Not that of the start; and a failure met again, resumed, is told in the same words."""
-    monkeypatch.setattr(follow, "MOST_AT_ONCE", 3 * 10)
+    monkeypatch.setattr(follow, "STEPS_IN_A_PART", 3 * 10)
     state = mrjax.place(APART, [[0.0] * 3, [0.0] * 3, [0.0, 0.0, 4.0]])
     given = dict(duration=1.5e-3, frames=15, time_step=1e-5, skin=0.3, checkpoint=tmp_path)
     first, again = failed(state, **given), failed(state, **given)

@@ -17,7 +17,7 @@ from jax.tree_util import Partial
 import mrjax
 from mrjax.cli import exit_status
 from mrjax.core import interruption
-from mrjax.dem import schedule, sorting
+from mrjax.dem import scan, schedule, sorting
 from mrjax.simulation import follow, pieces, progress
 from tests.builders import ROOT
 from tests.cli.test_resume import Stopped, alike, stopping
@@ -59,7 +59,7 @@ def test_the_bits_do_not_depend_on_the_pieces(small, whole, monkeypatch):
 def test_follow_has_the_bits_of_simulate(small, whole, monkeypatch):
     parameters, state = small
     for most in (1, 20 * 128 * 3, 10**8):  # parts of a frame, and of several
-        monkeypatch.setattr(follow, "MOST_AT_ONCE", most)
+        monkeypatch.setattr(follow, "STEPS_IN_A_PART", most)
         alike(mrjax.follow(state, parameters, WALLED, **DURATION, trajectory=True), whole)
 
 
@@ -78,13 +78,13 @@ def test_a_traced_call_gives_the_same_run(small, whole):
 @pytest.fixture
 def met(monkeypatch):
     """The faults that were met, each with the frame in which."""
-    found, mend = [], pieces.Pieces._mend
+    found, mend = [], pieces.PiecewiseRun._repair
 
     def seen(self, fault, good):
         mend(self, fault, good)
         found.append((mrjax.Fault(fault), self.place.frame))
 
-    monkeypatch.setattr(pieces.Pieces, "_mend", seen)
+    monkeypatch.setattr(pieces.PiecewiseRun, "_repair", seen)
     return found
 
 
@@ -101,7 +101,7 @@ def test_a_frame_that_is_mended_is_so_whatever_the_pieces(small, monkeypatch, tm
     monkeypatch.setattr(pieces, "_Pace", Random)
     alike(mrjax.simulate(state, parameters, WALLED, **given), whole)
     assert met == 2 * first
-    monkeypatch.setattr(follow, "MOST_AT_ONCE", 20 * 128 * 9)
+    monkeypatch.setattr(follow, "STEPS_IN_A_PART", 20 * 128 * 9)
     for number in (2, 11, 16):
         folder = tmp_path / str(number)
         with pytest.raises(Stopped), stopping(number):
@@ -152,13 +152,13 @@ def test_a_function_that_holds_what_is_differentiated_is_no_plain_call(small):
 def test_a_checkpoint_of_another_layout_is_refused(small, tmp_path, monkeypatch):
     parameters, state = small
     given = dict(duration=0.1, time_step=0.01, checkpoint=tmp_path / "kept")
-    kept = pieces.Pieces.kept
+    kept = pieces.PiecewiseRun.kept
 
     def older(self):
         recorded, place = kept(self)
         return recorded, {name: place[name] for name in place if name != "faults"}
 
-    monkeypatch.setattr(pieces.Pieces, "kept", older)
+    monkeypatch.setattr(pieces.PiecewiseRun, "kept", older)
     mrjax.follow(state, parameters, WALLED, **given)
     with pytest.raises(mrjax.InputError, match="'faults' is of another version of mrjax; take"):
         mrjax.follow(state, parameters, WALLED, **given)
@@ -209,13 +209,13 @@ def test_an_interval_of_very_many_is_not_waited_for(small, monkeypatch):
     """Its call is left to a thread: what an interruption meets is Python's own waiting."""
     parameters, state = small
     threads = []
-    advance = pieces._advance
+    advance = scan.advance
 
     def seen(*arguments, **options):
         threads.append(threading.current_thread())
         return advance(*arguments, **options)
 
-    monkeypatch.setattr(pieces, "_advance", seen)
+    monkeypatch.setattr(scan, "advance", seen)
     monkeypatch.setattr(pieces, "PATIENCE", 0.0)
     mrjax.simulate(state, parameters, WALLED, duration=0.1, time_step=0.01)
     assert threads and threading.main_thread() not in threads
@@ -225,19 +225,19 @@ def test_one_run_that_fails_stops_the_others(small, monkeypatch):
     """And is the one that is told of."""
     parameters, state = small
     stopped = []
-    go_on = pieces.Pieces.go_on
+    advance = pieces.PiecewiseRun.advance
 
     def failing(self, frames, *watch):
-        if self.given[0] is not state:
+        if self.given.state is not state:
             raise mrjax.SimulationError("the second fails")
         try:
             while True:
-                go_on(self, frames, *watch)
+                advance(self, frames, *watch)
         except interruption.StoppedError:
             stopped.append(self)
             raise
 
-    monkeypatch.setattr(pieces.Pieces, "go_on", failing)
+    monkeypatch.setattr(pieces.PiecewiseRun, "advance", failing)
     other = replace(state)
     with pytest.raises(mrjax.SimulationError, match="the second fails"):
         mrjax.settle([state, other], parameters, WALLED, frames=40)
@@ -306,7 +306,7 @@ def test_progress_shows_steps_time_and_what_is_left(small, capsys):
 @pytest.mark.parametrize("way", ["simulate", "follow", "settle"])
 def test_a_start_that_overlaps_is_refused_before_anything_is_compiled(small, monkeypatch, way):
     parameters, _ = small
-    monkeypatch.setattr(pieces, "_begun", None)
+    monkeypatch.setattr(scan, "begin", None)
     position = np.array([[3e-6, 3e-6, 5e-6], [5e-6, 5e-6, 12e-6], [5e-6, 5e-6, 15e-6]])
     deep = mrjax.place(position)
     with pytest.raises(

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from mrjax.dem import engine
-from mrjax.dem.scan import RunPlan
+from mrjax.dem.plan import RunPlan
 from mrjax.dem.schedule import MOST_STEPS_BETWEEN_REBUILDS
 
 from . import memory, process, states, timing
@@ -69,8 +69,8 @@ def here(folder: str, tiles: int, work: float) -> Iterator[dict[str, float]]:
     steps = int(np.clip(work / state.particles, LEAST_STEPS, MOST_STEPS))
     more = {"kept": steps, "anew": max(2, int(REBUILDS * steps))}
 
-    def seconds(setup: RunPlan) -> float:
-        return timing.seconds(lambda: states.run(state, parameters, box, setup))
+    def seconds(plan: RunPlan) -> float:
+        return timing.seconds(lambda: states.run(state, parameters, box, plan))
 
     # At rest nothing outruns a list that is kept for a whole run.
     runs = {
@@ -83,8 +83,8 @@ def here(folder: str, tiles: int, work: float) -> Iterator[dict[str, float]]:
     hurry = engine.SPEED_MARGIN
     for name, both in runs.items():
         engine.SPEED_MARGIN = hurry if name == "kept" else ALWAYS
-        for setup in both:
-            states.run(state, parameters, box, setup)
+        for plan in both:
+            states.run(state, parameters, box, plan)
     engine.SPEED_MARGIN = hurry
     longest = runs["kept"][1]
     yield {

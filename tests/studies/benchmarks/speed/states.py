@@ -14,12 +14,13 @@ from mrjax.core.interruption import Stop
 from mrjax.core.parameters import Parameters
 from mrjax.core.run import Run
 from mrjax.core.state import State
-from mrjax.dem.scan import RunPlan
+from mrjax.dem.plan import RunPlan, System
 from mrjax.paper.dry_beds import ELASTIC_MODULUS, REST, RESTITUTION
 from mrjax.recipe.recipe import Recipe
+from mrjax.simulation.options import RunOptions
 from mrjax.simulation.overlap import OVERLAP
-from mrjax.simulation.pieces import Pieces
-from mrjax.simulation.simulate import plan_run
+from mrjax.simulation.pieces import PiecewiseRun
+from mrjax.simulation.plan import plan_run
 
 FRICTION = 0.5
 TIME_STEP = 5e-8
@@ -53,22 +54,15 @@ def dry() -> Parameters:
 
 def dry_run(state: State, box: Box, steps: int, rebuild_every: int | None = None) -> RunPlan:
     """So many steps of the particles in a vacuum, in one frame."""
-    return plan_run(
-        state,
-        dry(),
-        box,
-        duration=steps * TIME_STEP,
-        frames=1,
-        time_step=TIME_STEP,
-        skin=SKIN,
-        rebuild_every=rebuild_every,
-    )
+    options = RunOptions(time_step=TIME_STEP, skin=SKIN, rebuild_every=rebuild_every)
+    system = System(state, dry(), None, box)
+    return plan_run(system, options, duration=steps * TIME_STEP, frames=1)
 
 
-def run(state: State, parameters: Parameters, box: Box, setup: RunPlan) -> Run:
+def run(state: State, parameters: Parameters, box: Box, plan: RunPlan) -> Run:
     """A run as `mrjax.simulate` makes it, with all decided."""
-    whole = Pieces(state, parameters, None, box, setup, stop=Stop())
-    whole.go_on(setup.cuts.frames)
+    whole = PiecewiseRun(System(state, parameters, None, box), plan, stop=Stop())
+    whole.advance(plan.schedule.frames)
     return whole.run()
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from mrjax.core.run import Run
-from mrjax.dem.scan import RunPlan
+from mrjax.dem.plan import RunPlan
 
 from . import liggghts, process, states, timing
 from .process import Process
@@ -91,16 +91,16 @@ def here(
     parameters = states.dry()
 
     def until(step: int) -> tuple[RunPlan, Run]:
-        setup = states.dry_run(state, box, step)
-        return setup, states.run(state, parameters, box, setup)
+        plan = states.dry_run(state, box, step)
+        return plan, states.run(state, parameters, box, plan)
 
     (shorter, _), (longer, run) = until(warm), until(warm + steps)
 
-    def seconds(setup: RunPlan) -> float:
-        return timing.seconds(lambda: states.run(state, parameters, box, setup))
+    def seconds(plan: RunPlan) -> float:
+        return timing.seconds(lambda: states.run(state, parameters, box, plan))
 
     yield {
-        "builds": longer.cuts.intervals - shorter.cuts.intervals,
+        "builds": longer.schedule.intervals - shorter.schedule.intervals,
         **states.look(np.asarray(run.state.position), np.asarray(run.state.velocity)),
     }
     while True:
