@@ -1,8 +1,8 @@
 """`mrjax-calibrate`: fits the drag factors of an experiment."""
 
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
+from dataclasses import replace
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,8 +17,9 @@ from mrjax.cli.terminal import echo
 from mrjax.core.text import in_toml
 
 if TYPE_CHECKING:
+    from calibrate.calibration import Calibration
     from calibrate.experiment.experiment import Experiment
-    from calibrate.experiment.sample import Sample
+    from mrjax import Recipe
 
 
 def _new_experiment(context: click.Context, _option: click.Parameter, file: Path | None) -> None:
@@ -133,116 +134,84 @@ def cli(
     """Fits an experiment and reports."""
     began = time.perf_counter()
     environment.start_jax(dtype)
-    import numpy as np
-
-    from calibrate import report
+    from calibrate.calibration import Options, calibrate_experiment
     from calibrate.experiment.experiment import Experiment
-    from calibrate.inference import forecast
-    from calibrate.inference.identify import identify
-    from calibrate.inference.posterior import posterior as sampled
-    from calibrate.inference.posterior import refuse_without_sampler
-    from calibrate.inference.profile import profiles
-    from calibrate.problem.solve import fit_experiment
-    from calibrate.report import figures as report_figures
     from mrjax.cli.resume import checkpointed
     from mrjax.io import files
 
     loaded = Experiment.load(experiment)
-    for warning in loaded.warnings:  # before the work that it may save
-        echo(f"mrjax-calibrate: warning: {warning}", err=True)
+    _warn(loaded.warnings)  # before the work that it may save
     _refuse_options(model, begin_with, predict, like)
-    if leave_one_out:
-        forecast.refuse_leaving_out(loaded)
-    if posterior:
-        refuse_without_sampler()
-    new = None if predict is None else _new(loaded, predict, like)
+    asked = Options(model, begin_with, starts, seed, robust, posterior, leave_one_out)
+    asked.refuse(loaded)
+    if predict is not None:
+        asked = replace(asked, predict=_recipe(loaded, predict, like), like=like)
+        asked.refuse(loaded)
     folder = files.result_folder(Path(out))
-    choices: dict[str, Any] = dict(begin_with=begin_with, starts=starts, seed=seed, robust=robust)
-    work = dict(command="fit", experiment=loaded, model=model, **choices, dtype=dtype)
+    work = dict(command="fit", experiment=loaded, model=model, **asked.fit_options, dtype=dtype)
     writes = ["fit.json", "report.md", "report.html"]
     with checkpointed(folder, resume, quiet, writes, **work) as checkpoint:
-        try:
-            problem, fitted = fit_experiment(
-                loaded, model, **choices, progress=not quiet, checkpoint=checkpoint / "fit"
-            )
-        except ValueError as error:
-            raise InputError(str(error)) from None
-        if not np.isfinite(fitted.jacobian).all() or not np.isfinite(fitted.values).all():
-            raise SimulationError(
-                f"the fit ended in {fitted.model_runs} model runs where nothing can be predicted; "
-                "give medians from which something can, or more --starts"
-            )
-        # Outside the compiled fit a simulation checks itself and raises if not to be trusted.
-        predicted = np.asarray(problem.predict(fitted.theta))
-        usable = fitted.converged
-        held = profiles(fitted, progress=not quiet) if usable else ()
-        # What goes wrong from here on is told when the fit itself is written.
-        faults: list[Exception] = []
-        samples, further = None, {}
-        if posterior and usable:
-            with _told_later(faults):
-                samples = sampled(
-                    fitted, seed, checkpoint=checkpoint / "posterior", progress=not quiet
-                )
-        if leave_one_out:
-            with _told_later(faults):
-                left_out = forecast.leave_one_out(
-                    loaded,
-                    model,
-                    **choices,
-                    checkpoint=checkpoint / "left-out",
-                    progress=not quiet,
-                )
-                further["left_out"] = report.forecasts(left_out)
-        if new is not None and usable:
-            with _told_later(faults):
-                expected = forecast.forecast(
-                    new[0], fitted, new[1], model, seed, checkpoint / "forecast"
-                )
-                further["new"] = report.forecasts(expected)
-        result = report.summary(problem, fitted, identify(fitted), predicted, held, samples)
-        result |= further
-        result |= {
-            "experiment": loaded.name,
-            "lab_sheets": {
-                sample.name: sample.recipe.model_dump(mode="json", exclude_none=True)
-                for sample in loaded.samples
-            },
-            "model": model,
-            "begun_with": begin_with,
-            "seed": seed,
+        calibration = calibrate_experiment(loaded, asked, checkpoint=checkpoint, progress=not quiet)
+        result = calibration.tables() | {
             "dtype": dtype,
             "versions": provenance.versions(),
             "wall_seconds": time.perf_counter() - began,
         }
-        figures = report_figures.figures(problem, fitted, result, held, samples)
-        text = report.markdown(loaded.name, model, result, figures)
-        report.write(folder, text, result, figures, pdf, progress=not quiet)
+        calibration.write(folder, result, pdf, progress=not quiet)
     if as_json:
         click.echo(files.as_json(result, ascii_only=True))
     elif not quiet:
-        for line in report.in_words(result):
-            echo(line)
-        for one in result.get("left_out", []) + result.get("new", []):
-            echo(report.line(one))
-        echo(f"Report: {folder / 'report.html'}")
-    for warning in result["warnings"][len(loaded.warnings) :]:
+        _print(result, folder)
+    _warn(result["warnings"][len(loaded.warnings) :])
+    _warn_of_misfit(result)
+    _refuse_untrusted(calibration, result, folder)
+
+
+def _print(result: dict[str, Any], folder: Path) -> None:
+    """Prints what was found, a sentence a line."""
+    from calibrate import report
+
+    for line in report.in_words(result):
+        echo(line)
+    for row in result.get("left_out", []) + result.get("new", []):
+        echo(report.line(row))
+    echo(f"Report: {folder / 'report.html'}")
+
+
+def _warn(warnings: Iterable[str]) -> None:
+    for warning in warnings:
         echo(f"mrjax-calibrate: warning: {warning}", err=True)
-    if result["misfit"]:
-        worst = max(
-            result["predictions"],
-            key=lambda one: abs(one["predicted"] - one["measured"]) / one["sigma"],
-        )
-        echo(
-            f"mrjax-calibrate: warning: the data do not fit; sample {worst['sample']}: "
-            f"{worst['measured']:.4g} {worst['unit']} measured, {worst['predicted']:.4g} "
-            "predicted: check value and unit",
-            err=True,
-        )
-    if not fitted.converged:
+
+
+def _warn_of_misfit(result: dict[str, Any]) -> None:
+    """Names the worst reading of data that do not fit."""
+    if not result["misfit"]:
+        return
+    worst = max(
+        result["predictions"],
+        key=lambda row: abs(row["predicted"] - row["measured"]) / row["sigma"],
+    )
+    _warn(
+        [
+            f"the data do not fit; sample {worst['sample']}: {worst['measured']:.4g} "
+            f"{worst['unit']} measured, {worst['predicted']:.4g} predicted: check value and unit"
+        ]
+    )
+
+
+def _refuse_untrusted(calibration: "Calibration", result: dict[str, Any], folder: Path) -> None:
+    """Passes a result that is to be trusted.
+
+    Raises:
+      SimulationError: it is not.
+    """
+    from calibrate import report
+
+    if not calibration.fit.converged:
         raise SimulationError(
-            f"the fit did not converge in {fitted.model_runs} model runs; what {folder} holds is "
-            "marked so: start nearer, or check the data for values that contradict each other"
+            f"the fit did not converge in {calibration.fit.model_runs} model runs; what {folder} "
+            "holds is marked so: start nearer, or check the data for values that contradict each "
+            "other"
         )
     if result["contradicts"]:
         raise SimulationError(
@@ -251,21 +220,13 @@ def cli(
             f"{result['residuals_over_range']:.2g} of the range of the readings; what {folder} "
             "holds is marked so: check values and units, or give larger errors"
         )
-    if faults:
-        raise faults[0]
-    if samples is not None and not samples.converged:
+    if calibration.faults:
+        raise calibration.faults[0]
+    if calibration.posterior is not None and not calibration.posterior.converged:
         raise SimulationError(
             f"the samples of the posterior did not converge; what {folder} holds of them is marked "
             "so: give narrower priors"
         )
-
-
-@contextmanager
-def _told_later(faults: list[Exception]) -> Iterator[None]:
-    try:
-        yield
-    except (InputError, SimulationError) as error:
-        faults.append(error)
 
 
 def _refuse_options(
@@ -283,9 +244,8 @@ def _refuse_options(
         )
 
 
-def _new(experiment: "Experiment", recipe: str, like: str | None) -> "tuple[Experiment, Sample]":
-    """The recipe to be predicted as a sample, and the experiment that says what applies to it."""
-    from calibrate.inference import forecast
+def _recipe(experiment: "Experiment", recipe: str, like: str | None) -> "Recipe":
+    """The recipe to be predicted."""
     from mrjax import Recipe
 
     if like is None:
@@ -293,7 +253,7 @@ def _new(experiment: "Experiment", recipe: str, like: str | None) -> "tuple[Expe
         raise InputError(
             f"--predict {recipe}: say which sample's parameters it shares: --like, one of {known}"
         )
-    return forecast.like(experiment, Recipe.load(recipe), like)
+    return Recipe.load(recipe)
 
 
 def main() -> None:

@@ -5,7 +5,6 @@ New code uses the new names.
 """
 
 OLD_NAMES = {
-    "calibration": "problem.solve",
     "chains": "inference.chains",
     "curve": "experiment.curve",
     "data": "experiment.experiment",

@@ -20,9 +20,10 @@ from calibrate.experiment.experiment import Experiment
 from calibrate.experiment.sample import Measurement, Sample
 from calibrate.experiment.suspension import BED, CLOSURE, refuse_unknown
 from calibrate.experiment.units import VELOCITY_UNITS
-from calibrate.inference.identify import RANK_TOLERANCE, covariance, information
+from calibrate.inference.curvature import RANK_TOLERANCE, covariance, information
 from calibrate.least_squares.fit import Fit
-from calibrate.models.forward_models import ForwardModelMaker, as_measured, forward_model
+from calibrate.models.forward_models import forward_model
+from calibrate.models.prediction import ForwardModelMaker, as_measured
 from calibrate.problem.solve import fit_experiment
 from mrjax import InputError, Recipe, SimulationError
 from mrjax.core.promotion import relaxed_promotion

@@ -7,27 +7,18 @@ space of J changes no prediction, and only the priors say where on it to be.
 """
 
 from dataclasses import dataclass
-from fractions import Fraction
 
 import numpy as np
 
+from calibrate.inference.curvature import RANK_TOLERANCE, UNKNOWN, standard_errors
+from calibrate.inference.products import expression, simplest_basis
 from calibrate.least_squares.fit import Fit
 
-RANK_TOLERANCE = 1e-6
-"""Singular values below this part of the largest count as zero: a direction in which the data
-would have to be a million times better to say anything."""
-UNKNOWN = 10.0
-"""Standard error of a logarithm beyond which nothing is known: a factor of 22,000 either way."""
 DETERMINED, INFORMED = 1.0 / 3.0, 2.0
 """Largest error by the data alone over a prior's standard deviation of what is called so."""
+
 WITHOUT_PRIOR = 0.5
 """Largest error of a logarithm by the data alone of what is determined and has no prior."""
-
-SIMPLE = 6
-"""Largest denominator of an exponent that is read as a fraction."""
-
-SIMPLE_WITHIN = 1e-6
-"""How close to it: a simulated velocity follows a power law to better than this."""
 
 
 @dataclass(frozen=True)
@@ -107,14 +98,16 @@ def identify(fit: Fit) -> Identification:
     }
     return Identification(
         singular_values=singular,
-        combinations=tuple(combination(row) for row in _tidy(rows[seen])),
-        null_directions=tuple(expression(fit.names, row) for row in _tidy(rows[unseen & ~seen])),
+        combinations=tuple(combination(row) for row in simplest_basis(rows[seen])),
+        null_directions=tuple(
+            expression(fit.names, row) for row in simplest_basis(rows[unseen & ~seen])
+        ),
         determined={name: word == "determined" for name, word in status.items()},
-        standard_errors=_standard_errors(fit),
+        standard_errors=standard_errors(fit),
         data_standard_errors=by_data,
         status=status,
         weak_combinations=tuple(
-            expression(fit.names, np.round(row, 2)) for row in _tidy(rows[~seen & ~unseen])
+            expression(fit.names, np.round(row, 2)) for row in simplest_basis(rows[~seen & ~unseen])
         ),
     )
 
@@ -133,78 +126,3 @@ def _status(error: float, precision: float) -> str:
     return (
         "determined" if share <= DETERMINED else "informed" if share <= INFORMED else "prior only"
     )
-
-
-def expression(names: tuple[str, ...], exponents: np.ndarray) -> str:
-    """A product of powers in words: `f_w * f_s / f_v`."""
-
-    def power(name: str, exponent: float) -> str:
-        size = abs(exponent)
-        return name if size == 1 else f"{name}^{_readable(size)}"
-
-    over = [power(n, e) for n, e in zip(names, exponents, strict=True) if e > 0]
-    under = [power(n, e) for n, e in zip(names, exponents, strict=True) if e < 0]
-    text = " * ".join(over) or "1"
-    if not under:
-        return text
-    return f"{text} / {under[0]}" if len(under) == 1 else f"{text} / ({' * '.join(under)})"
-
-
-def _readable(number: float) -> str:
-    fraction = Fraction(number).limit_denominator(SIMPLE)
-    if abs(number - float(fraction)) > SIMPLE_WITHIN:
-        return f"{number:.3g}"
-    return str(fraction) if fraction.denominator == 1 else f"({fraction})"
-
-
-def _tidy(basis: np.ndarray) -> np.ndarray:
-    """The same space, in the basis with most zeros and simple numbers (reduced row echelon)."""
-    rows = np.array(basis, float)
-    done = 0
-    for column in range(rows.shape[1]):
-        if done == len(rows):
-            break
-        pivot = done + int(np.argmax(np.abs(rows[done:, column])))
-        if abs(rows[pivot, column]) < RANK_TOLERANCE:
-            continue
-        rows[[done, pivot]] = rows[[pivot, done]]
-        rows[done] /= rows[done, column]
-        for other in range(len(rows)):
-            if other != done:
-                rows[other] -= rows[other, column] * rows[done]
-        done += 1
-    fractions = [float(Fraction(x).limit_denominator(SIMPLE)) for x in rows.flat]
-    simple = np.array(fractions).reshape(rows.shape)
-    return np.where(np.abs(simple - rows) < SIMPLE_WITHIN, simple, rows)
-
-
-def information(fit: Fit) -> np.ndarray:
-    """Half the curvature of chi-squared, data and priors together, in the logarithms; (P, P)."""
-    return fit.jacobian.T @ fit.jacobian + np.diag(fit.prior_precision)
-
-
-def covariance(information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of the logarithms, (P, P), and the directions that nothing bounds and it leaves out, (P, K).
-
-    Args:
-      information: (P, P).
-    """
-    if not np.isfinite(information).all():
-        return np.zeros_like(information), np.eye(len(information))
-    strength, directions = np.linalg.eigh(information)
-    lost = strength < RANK_TOLERANCE**2 * max(strength[-1], np.finfo(float).tiny)
-    variance = np.where(lost, 0.0, 1.0 / np.where(lost, 1.0, strength))
-    return (directions * variance) @ directions.T, directions[:, lost]
-
-
-def _standard_errors(fit: Fit) -> dict[str, float]:
-    """From the curvature of data and priors together; logarithmic errors times the values."""
-    spread, unbounded = covariance(information(fit))
-    unknown = np.sum(unbounded**2, axis=1) > RANK_TOLERANCE
-    unknown |= np.sqrt(np.diag(spread)) > UNKNOWN
-    return {
-        name: float(np.inf if none else value * error)
-        for name, value, error, none in zip(
-            fit.names, fit.values, np.sqrt(np.diag(spread)), unknown, strict=True
-        )
-    }

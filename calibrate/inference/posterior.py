@@ -15,7 +15,8 @@ from tqdm import tqdm
 
 from calibrate.inference import diagnostics
 from calibrate.inference.chains import MOST, Piece, Sampler, arrays
-from calibrate.inference.identify import identify, information
+from calibrate.inference.curvature import information
+from calibrate.inference.identify import identify
 from calibrate.least_squares.fit import Fit
 from calibrate.least_squares.interruptible import stoppable
 from mrjax import InputError

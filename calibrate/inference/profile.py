@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from tqdm import tqdm
 
-from calibrate.inference.identify import identify, information
+from calibrate.inference.curvature import information
+from calibrate.inference.identify import identify
 from calibrate.least_squares.fit import Fit
 from calibrate.least_squares.interruptible import stoppable
 from mrjax.core.promotion import relaxed_promotion

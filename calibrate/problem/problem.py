@@ -13,13 +13,9 @@ from calibrate.experiment.experiment import Experiment
 from calibrate.experiment.physical_bounds import bounds
 from calibrate.experiment.sample import Measurement, Sample
 from calibrate.least_squares.priors import LogNormal
-from calibrate.models.forward_models import (
-    ForwardModel,
-    ForwardModelMaker,
-    as_measured,
-    closed_form,
-    forward_model,
-)
+from calibrate.models.closed_form import closed_form
+from calibrate.models.forward_models import forward_model
+from calibrate.models.prediction import ForwardModel, ForwardModelMaker, as_measured
 from mrjax import terminal_velocity
 from mrjax.io.checkpoint import refuse_foreign
 

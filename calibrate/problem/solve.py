@@ -9,7 +9,7 @@ from pathlib import Path
 
 from calibrate.experiment.experiment import Experiment
 from calibrate.least_squares.fit import Fit, fit
-from calibrate.models.forward_models import ForwardModelMaker
+from calibrate.models.prediction import ForwardModelMaker
 from calibrate.problem.problem import Problem
 from mrjax import SimulationError
 from mrjax.io.checkpoint import refuse_foreign

@@ -4,17 +4,12 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
-    submodules=("figures", "report"),
+    submodules=("document", "figures", "formatting", "page", "tables", "words"),
     submod_attrs={
-        "report": [
-            "_with_error",
-            "by_chance",
-            "forecasts",
-            "in_words",
-            "line",
-            "markdown",
-            "summary",
-            "write",
-        ]
+        "document": ["markdown"],
+        "formatting": ["by_chance"],
+        "page": ["write"],
+        "tables": ["forecasts", "summary"],
+        "words": ["in_words", "line"],
     },
 )

@@ -10,6 +10,7 @@ from calibrate.inference.posterior import Posterior
 from calibrate.inference.profile import LEVELS, Profile
 from calibrate.least_squares.fit import Fit
 from calibrate.problem.problem import Problem
+from calibrate.report.formatting import spelled
 from mrjax.core.text import in_figure
 from mrjax.figures import COLUMN, STYLE
 
@@ -193,8 +194,3 @@ def loss_figure(fit: Fit) -> Figure:
     axes.set_ylabel("half the sum of squares,\ndata and priors")
     axes.legend()
     return figure
-
-
-def spelled(observable: str) -> str:
-    """An observable in words."""
-    return observable.replace("_", " ")

@@ -17,6 +17,7 @@ from calibrate.experiment.free_parameters import ParameterSheet, free_parameters
 from calibrate.experiment.sample import Measurement, Sample
 from calibrate.experiment.suspension import Suspension, suspension
 from calibrate.problem.solve import fit_experiment
+from calibrate.report import formatting
 from mrjax.laws import drag
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
@@ -451,7 +452,7 @@ def test_a_fit_warns_where_the_model_ends(tube):
     "error, words", [(0.5, "10.00 ± 0.50"), (0.0, "10"), (np.inf, "10 (error unbounded)")]
 )
 def test_an_error_may_be_none_or_unbounded(error, words):
-    assert report._with_error(10.0, error) == words
+    assert formatting.with_error(10.0, error) == words
 
 
 def test_parameters_of_one_name_have_labels_of_their_own():

@@ -16,7 +16,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 import calibrate.__main__
-import calibrate.problem.solve
+import calibrate.calibration
 import mrjax.__main__
 from calibrate import Experiment
 from mrjax import InputError, Recipe
@@ -389,7 +389,7 @@ def nothing_is_computed(monkeypatch, tmp_path):
     monkeypatch.setattr(mrjax, "disperse", reached)
     monkeypatch.setattr(processes, "join", reached)
     monkeypatch.setattr(table, "simulated", reached)
-    monkeypatch.setattr(calibrate.problem.solve, "fit_experiment", reached)
+    monkeypatch.setattr(calibrate.calibration, "fit_experiment", reached)
 
 
 TOLD = st.sampled_from(

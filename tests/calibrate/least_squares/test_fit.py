@@ -11,7 +11,7 @@ import pytest
 import calibrate
 import mrjax
 from calibrate import LogNormal
-from calibrate.inference.identify import covariance, information
+from calibrate.inference.curvature import covariance, information
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 

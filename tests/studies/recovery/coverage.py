@@ -19,7 +19,7 @@ from calibrate.experiment.experiment import Experiment
 from calibrate.inference.identify import identify
 from calibrate.inference.profile import LEVELS, profiles
 from calibrate.least_squares.fit import Fit, fit
-from calibrate.models import forward_models
+from calibrate.models import column
 from calibrate.problem.problem import Problem
 
 PROFILE, CURVATURE = "profile", "curvature"
@@ -41,7 +41,7 @@ def measured(experiment: str, model: str, by: str, sets: Sequence[int]) -> list[
     """A line for each of the numbered data sets, each with random numbers of its own, and each
     parameter: whether its intervals hold the truth.
     """
-    forward = partial(forward_models.column, cells=CELLS) if model == "column" else model
+    forward = partial(column.column, cells=CELLS) if model == "column" else model
     problem = Problem.prepare(Experiment.load(experiment), forward)
     errors = np.array([one.standard_deviation for _, one in problem.measurements])
     rows = []

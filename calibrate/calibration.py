@@ -1,0 +1,238 @@
+"""The whole workflow: an experiment fitted, what follows from the fit, and the report of it."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from calibrate import report
+from calibrate.experiment.experiment import Experiment
+from calibrate.inference import forecast
+from calibrate.inference.forecast import Forecast
+from calibrate.inference.identify import Identification, identify
+from calibrate.inference.posterior import Posterior, refuse_without_sampler
+from calibrate.inference.posterior import posterior as sample_posterior
+from calibrate.inference.profile import Profile, profiles
+from calibrate.least_squares.fit import Fit
+from calibrate.models.prediction import ForwardModelMaker
+from calibrate.problem.problem import Problem
+from calibrate.problem.solve import calibrated as calibrated
+from calibrate.problem.solve import fit_experiment
+from calibrate.report import figures
+from mrjax import InputError, Recipe, SimulationError
+
+CHECKPOINTS = "fit", "posterior", "left-out", "forecast"
+"""Folders of a checkpoint, one for each stage that takes long."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How an experiment is fitted, and what is asked of the fit."""
+
+    model: str | ForwardModelMaker = "particles"
+    """As for `Problem.prepare`."""
+    begin_with: str | ForwardModelMaker | None = None
+    """A cheaper model that is fitted first."""
+    starts: int = 1
+    """Searches from as many points; the best is kept."""
+    seed: int = 0
+    """Of further starts, of suspensions that are simulated, and of the posterior."""
+    robust: float | None = None
+    """Standard deviations beyond which residuals count linearly."""
+    posterior: bool = False
+    """Whether to sample the posterior."""
+    leave_one_out: bool = False
+    """Whether to predict each sample from the others."""
+    predict: Recipe | None = None
+    """A recipe that was not measured, to be predicted."""
+    like: str | None = None
+    """The sample whose parameters that recipe shares."""
+
+    @property
+    def fit_options(self) -> dict[str, Any]:
+        """Those of `fit_experiment`, but for the model."""
+        names = ("begin_with", "starts", "seed", "robust")
+        return {name: getattr(self, name) for name in names}
+
+    def refuse(self, experiment: Experiment) -> None:
+        """Passes options that this experiment can be calibrated with.
+
+        Raises:
+          InputError: nothing is left to fit where a sample is left out, samples of a posterior need
+            a package that is not installed, or the recipe is like no sample.
+        """
+        if self.leave_one_out:
+            forecast.refuse_leaving_out(experiment)
+        if self.posterior:
+            refuse_without_sampler()
+        if self.predict is not None:
+            forecast.like(experiment, self.predict, self.like or "")
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A fitted experiment, and what follows from the fit."""
+
+    experiment: Experiment
+    options: Options
+    problem: Problem
+    """The residuals that were fitted."""
+    fit: Fit
+    identification: Identification
+    """What the data determine."""
+    predicted: np.ndarray
+    """At the end of the fit, each in the unit of its measurement, (M,)."""
+    profiles: tuple[Profile, ...] = ()
+    """None where the fit did not converge."""
+    posterior: Posterior | None = None
+    left_out: tuple[Forecast, ...] | None = None
+    """Each sample from the others."""
+    new: tuple[Forecast, ...] | None = None
+    """The recipe that was not measured."""
+    faults: tuple[Exception, ...] = ()
+    """What went wrong after the fit, first things first."""
+
+    def tables(self) -> dict[str, Any]:
+        """All of it as plain tables: `fit.json`, but for what a command adds."""
+        result = report.summary(
+            self.problem,
+            self.fit,
+            self.identification,
+            self.predicted,
+            self.profiles,
+            self.posterior,
+        )
+        for name, forecasts in (("left_out", self.left_out), ("new", self.new)):
+            if forecasts is not None:
+                result[name] = report.forecasts(list(forecasts))
+        return result | {
+            "experiment": self.experiment.name,
+            "lab_sheets": {
+                sample.name: sample.recipe.model_dump(mode="json", exclude_none=True)
+                for sample in self.experiment.samples
+            },
+            "model": _name(self.options.model),
+            "begun_with": _name(self.options.begin_with),
+            "seed": self.options.seed,
+        }
+
+    def write(self, folder: Path, result: dict[str, Any], pdf: bool, progress: bool) -> None:
+        """Writes the report.
+
+        Args:
+          folder: where to.
+          result: `tables`, with `dtype`, `versions` and `wall_seconds`.
+          pdf: whether to write figures as PDF, too.
+          progress: whether to show a progress bar, on standard error.
+        """
+        drawn = figures.figures(self.problem, self.fit, result, self.profiles, self.posterior)
+        text = report.markdown(self.experiment.name, result["model"], result, drawn)
+        report.write(folder, text, result, drawn, pdf, progress=progress)
+
+
+def calibrate_experiment(
+    experiment: Experiment,
+    options: Options,
+    *,
+    checkpoint: str | Path | None = None,
+    progress: bool = False,
+) -> Calibration:
+    """Fits an experiment, and does what is asked of the fit.
+
+    Args:
+      experiment: samples and parameters.
+      options: the model, and what is asked for.
+      checkpoint: folder that keeps what was done, as for `fit_experiment`.
+      progress: whether to show progress bars, on standard error.
+
+    Returns:
+      a Calibration; look at `fit.converged` and `faults` before using it.
+
+    Raises:
+      InputError: options, a suspension or a model that cannot be used for this experiment.
+      SimulationError: the fit ended where nothing can be predicted.
+
+    Example:
+      >>> experiment = calibrate.Experiment.load("fang2005")
+      >>> options = calibrate.calibration.Options("closed-form")
+      >>> found = calibrate.calibration.calibrate_experiment(experiment, options)
+      >>> found.fit.converged, found.identification.combinations[0].expression
+      (True, 'f_w * f_s')
+    """
+    options.refuse(experiment)
+    folders = dict.fromkeys(CHECKPOINTS)
+    if checkpoint is not None:
+        folders = {name: Path(checkpoint) / name for name in CHECKPOINTS}
+    try:
+        problem, fit = fit_experiment(
+            experiment,
+            options.model,
+            **options.fit_options,
+            progress=progress,
+            checkpoint=folders["fit"],
+        )
+    except ValueError as error:
+        raise InputError(str(error)) from None
+    if not np.isfinite(fit.jacobian).all() or not np.isfinite(fit.values).all():
+        raise SimulationError(
+            f"the fit ended in {fit.model_runs} model runs where nothing can be predicted; "
+            "give medians from which something can, or more --starts"
+        )
+    # Outside the compiled fit a simulation checks itself and raises if not to be trusted.
+    predicted = np.asarray(problem.predict(fit.theta))
+    held = profiles(fit, progress=progress) if fit.converged else ()
+    calibration = Calibration(experiment, options, problem, fit, identify(fit), predicted, held)
+    return _with_what_is_asked(calibration, folders, progress)
+
+
+def _with_what_is_asked(
+    calibration: Calibration, folders: dict[str, Path | None], progress: bool
+) -> Calibration:
+    """The calibration with samples and forecasts; what goes wrong with them is among its faults."""
+    options, experiment, fit = calibration.options, calibration.experiment, calibration.fit
+    faults: list[Exception] = []
+    more: dict[str, Any] = {}
+    if options.posterior and fit.converged:
+        with _collected(faults):
+            more["posterior"] = sample_posterior(
+                fit, options.seed, checkpoint=folders["posterior"], progress=progress
+            )
+    if options.leave_one_out:
+        with _collected(faults):
+            more["left_out"] = tuple(
+                forecast.leave_one_out(
+                    experiment,
+                    options.model,
+                    **options.fit_options,
+                    checkpoint=folders["left-out"],
+                    progress=progress,
+                )
+            )
+    if options.predict is not None and fit.converged:
+        wider, sample = forecast.like(experiment, options.predict, options.like or "")
+        with _collected(faults):
+            more["new"] = tuple(
+                forecast.forecast(
+                    wider, fit, sample, options.model, options.seed, folders["forecast"]
+                )
+            )
+    return replace(calibration, **more, faults=tuple(faults))
+
+
+@contextmanager
+def _collected(faults: list[Exception]) -> Iterator[None]:
+    """Puts what goes wrong within among the faults."""
+    try:
+        yield
+    except (InputError, SimulationError) as error:
+        faults.append(error)
+
+
+def _name(model: str | ForwardModelMaker | None) -> str | None:
+    """What a report calls a model."""
+    if model is None or isinstance(model, str):
+        return model
+    return getattr(model, "__name__", repr(model))

@@ -1,0 +1,56 @@
+"""Products of powers: in words, and the simplest of those that span a space."""
+
+from fractions import Fraction
+
+import numpy as np
+
+from calibrate.inference.curvature import RANK_TOLERANCE
+
+SIMPLE = 6
+"""Largest denominator of an exponent that is read as a fraction."""
+
+SIMPLE_WITHIN = 1e-6
+"""How close to it: a simulated velocity follows a power law to better than this."""
+
+
+def expression(names: tuple[str, ...], exponents: np.ndarray) -> str:
+    """A product of powers in words: `f_w * f_s / f_v`."""
+
+    def power(name: str, exponent: float) -> str:
+        size = abs(exponent)
+        return name if size == 1 else f"{name}^{_readable(size)}"
+
+    over = [power(n, e) for n, e in zip(names, exponents, strict=True) if e > 0]
+    under = [power(n, e) for n, e in zip(names, exponents, strict=True) if e < 0]
+    text = " * ".join(over) or "1"
+    if not under:
+        return text
+    return f"{text} / {under[0]}" if len(under) == 1 else f"{text} / ({' * '.join(under)})"
+
+
+def _readable(number: float) -> str:
+    fraction = Fraction(number).limit_denominator(SIMPLE)
+    if abs(number - float(fraction)) > SIMPLE_WITHIN:
+        return f"{number:.3g}"
+    return str(fraction) if fraction.denominator == 1 else f"({fraction})"
+
+
+def simplest_basis(basis: np.ndarray) -> np.ndarray:
+    """The same space, in the basis with most zeros and simple numbers (reduced row echelon)."""
+    rows = np.array(basis, float)
+    done = 0
+    for column in range(rows.shape[1]):
+        if done == len(rows):
+            break
+        pivot = done + int(np.argmax(np.abs(rows[done:, column])))
+        if abs(rows[pivot, column]) < RANK_TOLERANCE:
+            continue
+        rows[[done, pivot]] = rows[[pivot, done]]
+        rows[done] /= rows[done, column]
+        for other in range(len(rows)):
+            if other != done:
+                rows[other] -= rows[other, column] * rows[done]
+        done += 1
+    fractions = [float(Fraction(x).limit_denominator(SIMPLE)) for x in rows.flat]
+    simple = np.array(fractions).reshape(rows.shape)
+    return np.where(np.abs(simple - rows) < SIMPLE_WITHIN, simple, rows)

@@ -1,0 +1,85 @@
+"""How densely the bed at rest lies: given, fitted, or simulated once."""
+
+from pathlib import Path
+
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike
+
+import mrjax
+from calibrate.experiment.sample import Sample
+from calibrate.experiment.suspension import BED, CLOSURE, Suspension
+from calibrate.experiment.units import CURVES
+from mrjax import InputError
+from mrjax.observables import interface
+from mrjax.simulation.overlap import OVERLAP
+
+TIME_SCALES = ("f_w", "f_s", "f_v", "viscosity", "gravity", "particle_density", "fluid_density")
+"""What changes the speed of an overdamped settling suspension and not its path."""
+
+
+def needs_a_bed(sample: Sample) -> bool:
+    """True if what was measured depends on the bed at rest."""
+    of_bed = {"final_ratio", *CURVES}
+    return any(one.observable in of_bed for one in sample.measurements)
+
+
+def fraction_of_bed(suspension: Suspension, bed: float | None) -> Array | None:
+    """What varies, or else what was simulated."""
+    return suspension.bed_fraction if bed is None else jnp.asarray(bed, float)
+
+
+def final_ratio(suspension: Suspension, bed: float | None) -> ArrayLike:
+    """phi_0 / phi_bed: all that was dispersed lies in the bed; 1."""
+    fraction = fraction_of_bed(suspension, bed)
+    return jnp.nan if fraction is None else suspension.volume_fraction / fraction
+
+
+def simulated_fraction(
+    sample: Sample,
+    near: Suspension,
+    seed: int,
+    varied: tuple[str, ...],
+    checkpoint: Path | None,
+) -> float | None:
+    """The volume fraction of the bed where a simulation gives it, once; else None."""
+    if not needs_a_bed(sample):
+        return None
+    if sample.bed_fraction == "particles":
+        refuse_other_paths(sample, varied)
+        # Of a uniform bed; the top of a box of few particles is that of one of them.
+        settled = to_rest(sample.recipe, near, mrjax.disperse(sample.recipe, seed), checkpoint)
+        ratio = interface.sedimentation_ratio(settled, "twice-centre-of-mass")
+        return float(near.volume_fraction / ratio[-1])
+    if near.bed_fraction is None:
+        raise InputError(
+            f"sample {sample.name!r}: how densely its bed lies is not known; give bed_fraction, "
+            f'bed_fraction = "particles", or a [[parameter]] named {BED}'
+        )
+    if not float(near.volume_fraction) < float(near.bed_fraction) < 1.0:
+        raise InputError(
+            f"sample {sample.name!r}: {BED} = {float(near.bed_fraction):g} must be above that of "
+            f"its suspension, {float(near.volume_fraction):.4g}, and below 1"
+        )
+    return None
+
+
+def to_rest(
+    recipe: mrjax.Recipe, near: Suspension, state: mrjax.State, checkpoint: Path | None
+) -> mrjax.Run:
+    """A suspension settled until its bed rests, with softened contacts."""
+    soft = mrjax.softened(near.parameters, recipe.box, recipe.particle_count, OVERLAP)
+    return mrjax.settle(state, soft, recipe.box, hindrance=near.hindrance, checkpoint=checkpoint)
+
+
+def refuse_other_paths(sample: Sample, varied: tuple[str, ...]) -> None:
+    """Passes where what varies changes only how fast the simulated bed forms."""
+    local = sample.recipe.drag.local
+    for name in varied:
+        if name in TIME_SCALES or (name.startswith(CLOSURE) and not local):
+            continue
+        raise InputError(
+            f"sample {sample.name!r}: {name} changes the path of particles into their bed, which a "
+            f"fit simulates once; hold it, or fit with another model: only "
+            f"{', '.join(TIME_SCALES)} may vary here"
+        )

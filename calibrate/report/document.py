@@ -1,0 +1,193 @@
+"""The report of a fit in Markdown."""
+
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from calibrate.inference.profile import LEVELS
+from calibrate.report.formatting import (
+    determination,
+    fitted_value,
+    interval,
+    off,
+    prior,
+    sampled_value,
+    spelled,
+    when,
+    with_error,
+)
+from calibrate.report.words import MARKDOWN, in_words
+from mrjax.core.text import in_code, in_markdown
+from mrjax.io import files
+
+
+def markdown(name: str, model: str, result: dict[str, Any], figures: dict[str, Figure]) -> str:
+    """The report of a fit."""
+
+    def shown(*names: str) -> str:
+        return "\n".join(f"![{name}]({name}.png)" for name in names if name in figures)
+
+    verdict, predictions = _verdict(result), _predictions(result)
+    parameters, numbers = _parameters(result), _validity(result)
+    left_out, new = _left_out(result.get("left_out", [])), _new_recipe(result.get("new"))
+    beyond = "".join(f"\n**Warning:** {in_markdown(warning)}.\n" for warning in result["warnings"])
+    notes = "".join(f"\nNote: {in_markdown(note)}.\n" for note in result["notes"])
+    said = in_words(result, MARKDOWN)
+    words = "\n".join(line if line.startswith("-") else f"\n{line}" for line in said)
+    return f"""# {in_markdown(name)}, fitted with the {model} model
+
+{verdict} chi-squared {result["chi_squared"]:.3g} from {len(result["predictions"])} measurements
+and {result["degrees_of_freedom"]} degrees of freedom; {result["model_runs"]} model runs,
+{result["wall_seconds"]:.0f} s.
+
+## Predicted against measured
+
+{predictions}
+{shown("predictions", "curves", "residuals")}
+
+## What the data determine
+{words}
+
+## Fitted values
+
+{parameters}
+Errors are one standard deviation; of the values, data and priors together; of the combinations,
+the data alone. Intervals are those of the profile likelihood. A prior's second number is the factor
+of one standard deviation. A fitted drag factor is a calibration constant: what the recipe leaves
+out, such as flocculation or a spread of sizes, is in it.
+
+{shown("profiles", "posterior")}
+{_posterior(result["posterior"])}{left_out}{new}
+## Where the model holds
+
+{numbers}{beyond}
+## The search
+
+{shown("loss")}
+
+The search looks for the valley; Levenberg-Marquardt finishes it, or on a kink a simplex.
+{notes}"""
+
+
+def _verdict(result: dict[str, Any]) -> str:
+    """Whether the fit is to be used."""
+    verdict = (
+        "The fit converged."
+        if result["converged"]
+        else "**The fit did not converge: do not use these values.**"
+    )
+    if result["misfit"]:
+        verdict += (
+            " **The data do not agree with the model, or with each other, within their errors:** "
+            "check values and units; the errors below do not allow for it."
+        )
+    if result["other_optima"]:
+        verdict += f" {len(result['other_optima'])} of the starts ended in worse optima."
+    return verdict
+
+
+def _predictions(result: dict[str, Any]) -> str:
+    """Predicted against measured."""
+    return files.markdown_table(
+        ["sample", "observable", "measured", "predicted", "unit", "difference / sigma"],
+        (
+            [
+                one["sample"],
+                spelled(one["observable"]) + when(one),
+                f"{one['measured']:g} ± {one['sigma']:g}",
+                with_error(one["predicted"], one["predicted_error"]),
+                one["unit"],
+                f"{(one['predicted'] - one['measured']) / one['sigma']:+.2f}",
+            ]
+            for one in result["predictions"]
+        ),
+    )
+
+
+def _parameters(result: dict[str, Any]) -> str:
+    """The fitted values."""
+    return files.markdown_table(
+        ["parameter", "one value for", "fitted", *LEVELS, "prior", "posterior", "determined"],
+        (
+            [
+                in_code(label),
+                f"sample{'s' if len(one['samples']) > 1 else ''} {', '.join(one['samples'])}",
+                fitted_value(one),
+                *(interval(one["profile"], coverage) for coverage in LEVELS),
+                prior(one),
+                sampled_value(one["posterior"]),
+                determination(one),
+            ]
+            for label, one in result["parameters"].items()
+        ),
+    )
+
+
+def _validity(result: dict[str, Any]) -> str:
+    """Where the model holds."""
+    return files.markdown_table(
+        ["sample", "number", "as fitted", "the model holds"],
+        (
+            [sample, name, f"{number['value']:.2g}", number["holds"]]
+            for sample, of_sample in result["validity"].items()
+            for name, number in of_sample.items()
+        ),
+    )
+
+
+def _left_out(rows: list[dict[str, Any]]) -> str:
+    if not rows:
+        return ""
+    table = files.markdown_table(
+        ["sample", "observable", "measured", "predicted", "unit", "error", "difference / errors"],
+        (
+            [
+                one["sample"],
+                spelled(one["observable"]) + when(one),
+                f"{one['measured']:g} ± {one['sigma']:g}",
+                with_error(one["predicted"], one["predicted_error"]),
+                one["unit"],
+                off(one),
+                f"{one['difference_over_both_errors']:+.2f}",
+            ]
+            for one in rows
+        ),
+    )
+    return f"""
+## Each sample predicted from the others
+
+What only this sample would tell is taken from its prior.
+
+{table}"""
+
+
+def _new_recipe(rows: list[dict[str, Any]] | None) -> str:
+    if not rows:
+        return ""
+    table = files.markdown_table(
+        ["recipe", "observable", "predicted", "unit"],
+        (
+            [
+                one["sample"],
+                spelled(one["observable"]) + when(one),
+                with_error(one["predicted"], one["predicted_error"]),
+                one["unit"],
+            ]
+            for one in rows
+        ),
+    )
+    return f"\n## A new recipe\n\n{table}"
+
+
+def _posterior(posterior: dict[str, Any] | None) -> str:
+    if posterior is None:
+        return ""
+    verdict = (
+        "The samples of the posterior agree between chains"
+        if posterior["converged"]
+        else "**The samples of the posterior have not converged: do not use them**"
+    )
+    return (
+        f"{verdict} (R-hat {posterior['r_hat']:.3f}, {posterior['effective_samples']:.0f} "
+        f"effective samples, {posterior['divergences']} divergences).\n"
+    )

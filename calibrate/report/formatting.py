@@ -1,0 +1,88 @@
+"""Numbers of a result as text: errors, times, intervals, priors."""
+
+from typing import Any
+
+import numpy as np
+
+from calibrate.experiment.units import CURVES, TIME_UNITS
+from calibrate.inference.identify import WITHOUT_PRIOR
+
+SMALLEST_P = 1e-12
+"""Below which a p-value says nothing more."""
+
+
+def spelled(observable: str) -> str:
+    """An observable in words."""
+    return observable.replace("_", " ")
+
+
+def by_chance(p: float) -> str:
+    """A p-value, as it follows the letter."""
+    return f"= {p:.2g}" if p > SMALLEST_P else f"< {SMALLEST_P:g}"
+
+
+def with_error(value: float, error: float) -> str:
+    """Value and error with two digits of the error."""
+    if not np.isfinite(error):
+        return f"{value:.4g} (error unbounded)"
+    if error == 0.0:  # such as the height before anything has settled
+        return f"{value:.4g}"
+    digits = max(0, 1 - int(np.floor(np.log10(error))))
+    return f"{value:.{digits}f} ± {error:.{digits}f}"
+
+
+def off(one: dict[str, Any], form: str = "{}") -> str:
+    """How far a prediction is off; nothing where zero was measured."""
+    if not one["measured"]:
+        return ""
+    return form.format(f"{one['predicted'] / one['measured'] - 1:+.0%}")
+
+
+def when(one: dict[str, Any]) -> str:
+    """The time of a reading of a curve; nothing of another."""
+    return (
+        f" at {one['time_s'] / TIME_UNITS['day']:.4g} days" if one["observable"] in CURVES else ""
+    )
+
+
+def interval(profile: dict[str, list[float]] | None, coverage: str) -> str:
+    """The interval of a profile at a coverage."""
+    if profile is None:
+        return "unbounded"
+    low, high = profile[coverage]
+    return f"{low:.4g} to {high:.4g}"
+
+
+def prior(one: dict[str, Any]) -> str:
+    """A prior: median, factor of one standard deviation, bounds."""
+    spread = one["prior_log_standard_deviation"]
+    within = f", {one['bounds'][0]:g} to {one['bounds'][1]:g}" if one["bounds"] else ""
+    if spread is None:
+        return f"none{within}"
+    return f"{one['prior_median']:g}, {np.exp(spread):.3g}{within}"
+
+
+def determination(one: dict[str, Any]) -> str:
+    """Whether the data determine a value."""
+    if one["determined"]:
+        return "yes"
+    if one["status"] == "free":
+        by_prior = np.isinf(one["data_standard_error"]) and np.isfinite(one["standard_error"])
+        return "no, prior only" if by_prior else "no, free"
+    return f"no, {one['status']}"
+
+
+def fitted_value(one: dict[str, Any]) -> str:
+    """A value with its error: as a factor, where that is as large as the value."""
+    error = one["data_standard_error"]
+    loose = one["status"] == "free" and WITHOUT_PRIOR < error < np.inf and not one["bounds"]
+    if loose and np.isfinite(one["standard_error"]):
+        return f"{one['value']:.3g}, within a factor of {np.exp(error):.3g}"
+    return with_error(one["value"], one["standard_error"])
+
+
+def sampled_value(posterior: dict[str, float] | None) -> str:
+    """Median and standard deviation of samples of a value."""
+    if posterior is None:
+        return ""
+    return with_error(posterior["median"], posterior["standard_deviation"])

@@ -1,0 +1,112 @@
+"""A result in sentences, for terminals and for Markdown."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from calibrate.report.formatting import by_chance, off, spelled, when, with_error
+from mrjax.core.text import in_code, in_markdown, in_terminal
+
+
+class Language(NamedTuple):
+    """What names of samples and of values are put into."""
+
+    text: Callable[[str], str]
+    code: Callable[[str], str]
+
+
+MARKDOWN = Language(in_markdown, in_code)
+
+TERMINAL = Language(in_terminal, lambda name: f"`{in_terminal(name)}`")
+
+SAID = {
+    "carried_by_priors_alone": (
+        "The individual value of {} is carried by the prior alone.",
+        "The individual values of {} are carried by the priors alone.",
+    ),
+    "informed_by_data": (
+        "The data narrow what the prior says of {}, and do not determine it.",
+        "The data narrow what the priors say of {}, and do not determine them.",
+    ),
+    "loosely_bounded": (
+        "The data bound {} only loosely, and no prior says more: give one, or other readings.",
+        "The data bound {} only loosely, and no priors say more: give some, or other readings.",
+    ),
+    "undetermined": (
+        "Neither data nor a prior say what {} is: it is where the search happened to end.",
+        "Neither data nor a prior say what {} are: they are where the search happened to end.",
+    ),
+}
+"""What is said of values that the data do not determine: of one, and of several."""
+
+
+def in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]:
+    """What the data determine and what they do not, a sentence a line."""
+    text, code = language
+    parameters, combinations = result["parameters"], result["determined_combinations"]
+    lines = [_misfit(result)] if result["misfit"] else []
+    lines += [
+        f"The {spelled(one['observable'])} of sample {text(one['sample'])} varies as "
+        f"{text(one['varies_as'])}: only that product of powers can be read from it."
+        for one in result["predictions"]
+        if one.get("varies_as", "1") != "1"
+    ]
+    lines.append(
+        f"Of the {len(parameters)} fitted values the data determine {len(combinations)} "
+        f"independent combination{'s' if len(combinations) != 1 else ''}"
+        f"{':' if combinations else '.'}"
+    )
+    lines += [
+        f"- {code(one['expression'])} = {with_error(one['value'], one['standard_error'])}"
+        for one in combinations
+    ]
+    lines += [
+        f"{code(f'odds({label})')} is ({text(label)} - {one['bounds'][0]:g}) / "
+        f"({one['bounds'][1]:g} - {text(label)}), which runs from 0 to infinity."
+        for label, one in parameters.items()
+        if one["bounds"]
+    ]
+    lines += [
+        f"No measurement says anything of {code(direction)} near this fit: changing it there, with "
+        "the combinations above held, changes no prediction."
+        for direction in result["null_directions"]
+    ]
+    lines += [
+        f"The data say too little of {code(direction)} to determine it."
+        for direction in result["weak_combinations"]
+        if direction not in parameters
+    ]
+    lines += [
+        f"One {code(label)} is taken for samples {text(', '.join(one['samples']))}."
+        for label, one in parameters.items()
+        if len(one["samples"]) > 1
+    ]
+    for key, (one, several) in SAID.items():
+        if names := result[key]:
+            listed = ", ".join(map(code, names))
+            lines.append((several if len(names) > 1 else one).format(listed))
+    return lines
+
+
+def _misfit(result: dict[str, Any]) -> str:
+    """How far the data are from the model."""
+    p = "" if result["p_value"] is None else f", p {by_chance(result['p_value'])}"
+    return (
+        f"The data do not agree with the model, or with each other: chi-squared is "
+        f"{result['chi_squared']:.3g} for {len(result['predictions'])} measurements, "
+        f"{result['reduced_chi_squared']:.3g} for each degree of freedom{p}; residuals are "
+        f"{result['residuals_over_range']:.2g} of the range of the readings. Stated errors would "
+        f"have to be {result['error_scale']:.3g} times as large."
+    )
+
+
+def line(one: dict[str, Any]) -> str:
+    """A prediction of `forecasts`, as a sentence."""
+    text = (
+        f"{one['sample']}, not fitted: {spelled(one['observable'])}{when(one)} "
+        f"{with_error(one['predicted'], one['predicted_error'])} {one['unit']} predicted"
+    )
+    if not np.isfinite(one["measured"]):
+        return f"{text}."
+    return f"{text}, {one['measured']:g} ± {one['sigma']:g} measured{off(one, ' ({})')}."
