@@ -830,6 +830,20 @@ def test_an_operation_without_machine_code_is_named(name, operation):
     np.testing.assert_allclose(found, operation(jnp.ones(2)), rtol=1e-15)
 
 
+def test_backwards_over_devices():
+    """A law that JAX transposes for a mesh of devices sums some scalars over no axis."""
+    others = arguments()
+
+    def of_one(one):
+        return scalar(*others[:5], one, others[6])
+
+    def total(by):
+        return jnp.sum(mrjax.ensemble(of_one, by * jnp.array([1.0, 2.0])))
+
+    alone = sum(factor * jax.grad(of_one)(1.3 * factor) for factor in (1.0, 2.0))
+    np.testing.assert_allclose(jax.grad(total)(1.3), alone, rtol=1e-13)
+
+
 def test_threads_do_not_disturb_each_other():
     """Of one compiled function, and of loops that are compiled meanwhile."""
     touches = [True, False, True] * 400

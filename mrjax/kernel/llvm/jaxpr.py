@@ -114,7 +114,7 @@ def _operation(build: ir.IRBuilder, equation, given: list[ir.Value], lanes: int 
     name, kind = equation.primitive.name, equation.outvars[0].aval.dtype
     of = equation.invars[0].aval.dtype
     real = of.kind == "f"
-    if name in SAME:
+    if name in SAME or (name == "reduce_sum" and not equation.params["axes"]):
         return given[0]
     if name in ARITHMETIC and real:
         return getattr(build, ARITHMETIC[name])(*given, flags=FREE)
