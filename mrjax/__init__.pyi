@@ -1,6 +1,15 @@
 # Old names of modules, which `mrjax.core.aliases` keeps.
+import mrjax.dem.forces as forces
+import mrjax.dem.integrator as leapfrog
+import mrjax.laws.closed_forms as theory
+import mrjax.laws.dimensionless as validity
+import mrjax.laws.effective as surfaces
+import mrjax.laws.normal as contact
+import mrjax.laws.tangential as friction
+import mrjax.laws.time_scales as timestep
 
 from . import figures as figures
+from . import kernel as kernel
 from . import laws as laws
 from .continuum.column import Column as Column
 from .continuum.column import column as column
@@ -48,6 +57,7 @@ from .recipe.recipe import Recipe as Recipe
 from .simulation.disperse import disperse as disperse
 from .simulation.ensemble import ensemble as ensemble
 from .simulation.follow import follow as follow
+from .simulation.options import RunOptions as RunOptions
 from .simulation.sedimentation import Sedimentation as Sedimentation
 from .simulation.sedimentation import sedimentation as sedimentation
 from .simulation.sedimentation import standard_error as standard_error

@@ -63,6 +63,19 @@ def pair_sum(
       ValueError: the trees that the law returns do not fit.
       NotImplementedError: the law has an operation that cannot be compiled (CPU, when the call is
         compiled).
+
+    Example:
+      >>> def spring(particle, partner, stiffness, shared, memory):
+      ...     force = stiffness * (partner - particle)
+      ...     return force, -force, memory
+      >>> position, stiffness = jnp.array([0.0, 1.0, 3.0]), jnp.array([10.0, 1.0])
+      >>> first, second = jnp.array([0, 1]), jnp.array([1, 2])
+      >>> def forces(position):
+      ...     ends = first, second, 2
+      ...     given = dict(particles=position, pairs=stiffness)
+      ...     return mrjax.kernel.pair_sum(spring, lambda *_: True, *ends, **given)[0]
+      >>> forces(position)
+      Array([10., -8., -2.], dtype=float64)
     """
     trees = _Trees(particles, pairs, memory, shared)
     results = _Results(trees)

@@ -25,6 +25,7 @@ BEGIN_WITH = [
     "mrjax.sedimentation_ratio",
     "mrjax.column",
     "mrjax.ensemble",
+    "mrjax.kernel.pair_sum",
     "calibrate.Experiment.load",
     "calibrate.Problem.prepare",
     "calibrate.fit",
@@ -38,7 +39,8 @@ def examples() -> list:
     modules = [
         importlib.import_module(module.name)
         for package in (mrjax, calibrate)
-        for module in pkgutil.iter_modules(package.__path__, package.__name__ + ".")
+        for module in pkgutil.walk_packages(package.__path__, package.__name__ + ".")
+        if not module.name.endswith("__main__")
     ]
     found = [test for module in modules for test in finder.find(module, extraglobs=NAMES)]
     return [pytest.param(test, id=test.name) for test in found if test.examples]
