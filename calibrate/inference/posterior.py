@@ -97,7 +97,7 @@ def posterior(
             samples=samples,
             information=information(fit),
         )
-        if (kept := work.kept("samples")) is not None:
+        if (kept := work.load("samples")) is not None:
             return _of_arrays(fit, kept[0])
     whitened, best = _whitening(fit)
 
@@ -117,7 +117,7 @@ def posterior(
             "divergences": drawn.divergent[:, WARM_UP:].sum(),
         }
     if work is not None:
-        work.keep("samples", found)
+        work.save("samples", found)
     return _of_arrays(fit, found)
 
 

@@ -128,11 +128,11 @@ def remembered(work: Checkpoint, name: str, function: Callable) -> Callable:
 
     def recall_or_call(logs: np.ndarray, *given: Given) -> Any:
         label = f"{name}-{digest(logs)}"
-        if (kept := work.kept(label)) is not None:
+        if (kept := work.load(label)) is not None:
             leaves = list(kept[0].values())
         else:
             leaves = jax.tree.leaves(function(logs, *given))
-            work.keep(label, {str(place): array for place, array in enumerate(leaves)})
+            work.save(label, {str(place): array for place, array in enumerate(leaves)})
         return leaves[0] if len(leaves) == 1 else tuple(leaves)
 
     return recall_or_call

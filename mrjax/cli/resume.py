@@ -85,8 +85,8 @@ def _removed_when_done(path: Path, own_files: results.Results) -> Iterator[None]
 def _remove(path: Path) -> None:
     """Takes the checkpoint away, and names what stays there because mrjax did not make it."""
     if left := checkpoint.remove(path):
-        more = "" if len(left) <= checkpoint.LISTED else ", ..."
-        names = ", ".join(left[: checkpoint.LISTED]) + more
+        more = "" if len(left) <= checkpoint.MOST_NAMES else ", ..."
+        names = ", ".join(left[: checkpoint.MOST_NAMES]) + more
         echo(f"mrjax: warning: {path}: left there what is not of mrjax: {names}", err=True)
 
 

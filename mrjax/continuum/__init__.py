@@ -1,1 +1,1 @@
-"""The tube in one dimension: Kynch's flux, a compressible bed, and the scheme that solves them."""
+"""The tube in one dimension: `column`, Kynch's flux, a compressible bed, and the scheme."""

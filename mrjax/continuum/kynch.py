@@ -28,8 +28,8 @@ from mrjax.laws.closed_forms import terminal_velocity
 from mrjax.laws.hindrance import Hindrance
 
 INTERVALS = 256
-"""Of the table of the flux, on either side of the initial volume fraction: linear in between, which
-is within 1e-4 of Richardson & Zaki's law."""
+"""Intervals of the table of the flux, on either side of the initial volume fraction: linear in
+between, which is within 1e-4 of Richardson & Zaki's law."""
 
 
 class Table(NamedTuple):
@@ -62,89 +62,93 @@ def table(
     share = jnp.arange(INTERVALS + 1, dtype=initial.dtype) / INTERVALS
     denser = initial + (densest - initial) * share[1:-1]
     between = jnp.concatenate([initial * share[1:], denser])
-    felt = parameters if hindrance is None else parameters.replace(f_w=hindrance(between))
-    # The ends are known, and left out: a closure may have no slope in clear fluid.
+    hindered = parameters if hindrance is None else parameters.replace(f_w=hindrance(between))
+    # A closure may have no slope in clear fluid: both ends are known without it.
     nothing = jnp.zeros(1, between.dtype)
     fraction = jnp.concatenate([nothing, between, densest[None]])
-    flux = jnp.concatenate([nothing, between * terminal_velocity(felt), nothing])
+    flux = jnp.concatenate([nothing, between * terminal_velocity(hindered), nothing])
     return Table(fraction, flux)
 
 
-def fastest_front(of: Table, state: Array) -> Array:
+def fastest_front(flux_table: Table, state: Array) -> Array:
     """Greatest speed of a front or wave that leaves a suspension of one volume fraction; m/s, ().
 
     MAX over phi of (f(phi_0) - f(phi)) / |phi - phi_0|: the steepest of its two lower hulls.
     """
-    distance = jnp.abs(of.fraction - state)
-    apart = distance != 0.0  # also where it is not known
-    drop = jnp.interp(state, of.fraction, of.flux) - of.flux
+    distance = jnp.abs(flux_table.fraction - state)
+    apart = distance != 0.0  # True for nan, too
+    drop = jnp.interp(state, flux_table.fraction, flux_table.flux) - flux_table.flux
     return jnp.max(jnp.where(apart, drop / jnp.where(apart, distance, 1.0), 0.0))
 
 
-def bed_contact_fraction(of: Table, full: Array) -> Array:
+def bed_contact_fraction(flux_table: Table, full: Array) -> Array:
     """Volume fraction that meets the bed: where the hull from phi_0 leaves f for (full, 0); 1, ().
 
     phi_0 itself where the bed grows from a single front.
     """
-    fraction, flux = of.fraction[INTERVALS:], of.flux[INTERVALS:]
+    fraction, flux = flux_table.fraction[INTERVALS:], flux_table.flux[INTERVALS:]
     below = fraction < full
     speed = jnp.where(below, flux / jnp.where(below, full - fraction, 1.0), jnp.inf)
     return fraction[jnp.argmin(speed)]
 
 
-def slope_limited(of: Table, slope: Array) -> Table:
+def slope_limited(flux_table: Table, slope: Array) -> Table:
     """f~, the largest flux below f that has slopes up to `slope`, in the unit of the flux."""
-    distance = jnp.abs(of.fraction[:, None] - of.fraction[None, :])
-    return Table(of.fraction, jnp.min(of.flux[None, :] + slope * distance, axis=1))
+    distance = jnp.abs(flux_table.fraction[:, None] - flux_table.fraction[None, :])
+    return Table(flux_table.fraction, jnp.min(flux_table.flux[None, :] + slope * distance, axis=1))
 
 
 class Godunov(NamedTuple):
     """A flux with its extremes over 1, 2, 4, ... nodes from each: any range is two of them."""
 
     table: Table
-    least: Array  # of f and of -f, (2, doublings, nodes)
+    least: Array  # least of f and of -f, (2, doublings, nodes)
 
 
-def godunov(of: Table) -> Godunov:
-    """Prepares the flux between volume fractions."""
-    least = [jnp.stack([of.flux, -of.flux])]
-    while (width := 2 ** len(least)) <= of.flux.size:
+def prepare_godunov(flux_table: Table) -> Godunov:
+    """Tabulates the extremes of a flux, from which `godunov_flux` takes them."""
+    least = [jnp.stack([flux_table.flux, -flux_table.flux])]
+    while (width := 2 ** len(least)) <= flux_table.flux.size:
         last, half = least[-1], width // 2
         shifted = jnp.concatenate([last[:, half:], last[:, -half:]], axis=1)
         least.append(jnp.minimum(last, shifted))
-    return Godunov(of, jnp.stack(least, axis=1))
+    return Godunov(flux_table, jnp.stack(least, axis=1))
 
 
-def godunov_flux(by: Godunov, below: Array, above: Array) -> Array:
+def godunov_flux(godunov: Godunov, below: Array, above: Array) -> Array:
     """G between a volume fraction and the one above it, downwards; in the flux's unit.
 
     Args:
-      by: the flux.
-      below, above: of one shape, which is that of the result.
+      godunov: the flux, prepared by `prepare_godunov`.
+      below, above: volume fractions of one shape, which is that of the result.
     """
-    (node, low, _), (upper, high, rises) = (_looked_up(by.table, side) for side in (below, above))
+    (node, low, _), (upper, high, rises) = (
+        _interpolated(godunov.table, side) for side in (below, above)
+    )
     falls = below >= above
     kind, sign = jnp.where(falls, 0, 1), jnp.where(falls, 1.0, -1.0).astype(low.dtype)
     first = jnp.minimum(node, upper) + 1
     last = jnp.maximum(node, upper)
     count = last - first + 1
-    # Of equal ones that which the wave comes from, or derivatives would be unstable.
+    # On ties, the upwind value: else derivatives would be unstable.
     from_above = jnp.where(count > 0, sign * high < sign * low, rises)
     ends = sign * jnp.where(from_above, high, low)
     # Two ranges of a power of two cover the nodes from first to last.
     doubling = 31 - lax.clz(jnp.maximum(count, 1))
     other = jnp.maximum(last + 1 - (1 << doubling), 0)
-    inner = jnp.minimum(by.least[kind, doubling, first], by.least[kind, doubling, other])
+    inner = jnp.minimum(godunov.least[kind, doubling, first], godunov.least[kind, doubling, other])
     return sign * jnp.where((count > 0) & (inner < ends), inner, ends)
 
 
-def _looked_up(of: Table, fraction: Array) -> tuple[Array, Array, Array]:
-    """The node at or below each volume fraction, the flux, linear to the next, and if it rises."""
-    dense = fraction >= of.initial
-    origin = jnp.where(dense, of.initial, 0.0)
-    width = jnp.where(dense, of.densest - of.initial, of.initial) / INTERVALS
+def _interpolated(flux_table: Table, fraction: Array) -> tuple[Array, Array, Array]:
+    """Node at or below each volume fraction, the flux interpolated there, and True if it rises."""
+    dense = fraction >= flux_table.initial
+    origin = jnp.where(dense, flux_table.initial, 0.0)
+    width = (
+        jnp.where(dense, flux_table.densest - flux_table.initial, flux_table.initial) / INTERVALS
+    )
     place = (fraction - origin) / width + jnp.where(dense, float(INTERVALS), 0.0)
     node = jnp.clip(lax.stop_gradient(place).astype(jnp.int32), 0, 2 * INTERVALS - 1)
-    low, high = of.flux[node], of.flux[node + 1]
+    low, high = flux_table.flux[node], flux_table.flux[node + 1]
     flux = low + (place - node.astype(place.dtype)) * (high - low)
     return node, flux, high > low

@@ -25,8 +25,8 @@ from calibrate.least_squares.fit import fit
 from calibrate.least_squares.priors import LogNormal
 from mrjax.cli import exit_status, resume
 from mrjax.dem import scan, schedule
-from mrjax.io import checkpoint, npz
-from mrjax.io.checkpoint import Checkpoint
+from mrjax.io import npz
+from mrjax.io.checkpoint import Checkpoint, work
 from mrjax.io.results import LIST
 from mrjax.simulation import follow
 from tests.builders import ROOT
@@ -223,8 +223,8 @@ def test_a_checkpoint_of_other_work_is_refused(small, tmp_path):
             pytest.MonkeyPatch.context() as patch,
             pytest.raises(mrjax.InputError, match=f"with {name} = .* where it is another here"),
         ):
-            told = checkpoint._environment() | {name: "another"}
-            patch.setattr(checkpoint, "_environment", lambda told=told: told)
+            told = work.environment() | {name: "another"}
+            patch.setattr(work, "environment", lambda told=told: told)
             settled()
     path = next((tmp_path / "kept").glob("*-00000.*.npz"))
     os.truncate(path, 100)
@@ -249,7 +249,7 @@ def test_what_a_command_keeps(tmp_path, capsys):
             what(folder)
 
     def stopped(folder):
-        Checkpoint.of_work(folder / "rest", seed=1).keep("part", {"x": np.ones(1)})
+        Checkpoint.of_work(folder / "rest", seed=1).save("part", {"x": np.ones(1)})
         raise KeyboardInterrupt
 
     with pytest.raises(mrjax.InputError):  # nothing was kept yet: nothing is left

@@ -22,6 +22,8 @@ from mrjax.cli import environment, resume
 from mrjax.core.trajectory import Trajectory
 from mrjax.io import checkpoint, files, results, viewers
 from mrjax.io.checkpoint import Checkpoint
+from mrjax.io.checkpoint import folder as checkpoint_folder
+from mrjax.io.checkpoint.marker import MARKER
 from tests.calibrate.inference.test_inference import BENT, bent
 from tests.cli.test_commands import SMALL
 from tests.io.test_damaged_files import BALLS, BOX, START, walk
@@ -101,7 +103,7 @@ def _pipe(path: Path) -> None:
 
 def _marked_by_another(path: Path) -> None:
     path.mkdir()
-    (path / checkpoint.MARKER).write_text('{"kind": "checkpoint of another program"}')
+    (path / MARKER).write_text('{"kind": "checkpoint of another program"}')
     (path / "part-00000.npz").write_text("mine")
 
 
@@ -217,7 +219,7 @@ def test_a_checkpoint_half_removed_is_none(tmp_path, monkeypatch):
     with resume.checkpointed(tmp_path, False, True, seed=1) as folder:
         walk(folder)
         with monkeypatch.context() as patch:
-            patch.setattr(checkpoint, "_clear", killed)
+            patch.setattr(checkpoint_folder, "clear", killed)
             with pytest.raises(KeyboardInterrupt):
                 checkpoint.remove(path)
         assert len(list(path.glob("*.npz"))) > 3 and not checkpoint.holds_anything(path)
@@ -225,11 +227,11 @@ def test_a_checkpoint_half_removed_is_none(tmp_path, monkeypatch):
             one.unlink()
     assert not path.exists()
     walk(path)
-    marker = json.loads((path / checkpoint.MARKER).read_text())
-    (path / checkpoint.MARKER).write_text(json.dumps(marker | {"done": True}))
+    marker = json.loads((path / MARKER).read_text())
+    (path / MARKER).write_text(json.dumps(marker | {"done": True}))
     next(path.glob("part-00002*")).unlink()
     with resume.checkpointed(tmp_path, False, True, seed=2) as folder:
-        assert [one.name for one in folder.iterdir()] == [checkpoint.MARKER]
+        assert [one.name for one in folder.iterdir()] == [MARKER]
 
 
 def test_what_killed_processes_were_writing_is_taken_away(tmp_path):
@@ -429,12 +431,12 @@ def test_a_folder_that_stops_being_ours_is_left_alone(tmp_path):
     """Even in the middle of the work."""
     folder = tmp_path / "kept"
     work = Checkpoint.of_work(folder, seed=1)
-    work.keep("one", {"x": np.ones(1)})
+    work.save("one", {"x": np.ones(1)})
     folder.rename(tmp_path / "away")
     _folder(folder)
     before = everything(tmp_path)
     with pytest.raises(InputError, match="is no checkpoint that mrjax made"):
-        work.keep("two", {"x": np.ones(1)})
+        work.save("two", {"x": np.ones(1)})
     assert everything(tmp_path) == before
 
 

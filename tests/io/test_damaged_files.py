@@ -14,8 +14,10 @@ import pytest
 
 import mrjax
 from mrjax import InputError
-from mrjax.io import checkpoint, files, markers, npz
+from mrjax.io import files, markers, npz
 from mrjax.io.checkpoint import Checkpoint
+from mrjax.io.checkpoint import work as work_of_checkpoint
+from mrjax.io.checkpoint.marker import MARKER, OLD_MARKER
 from mrjax.simulation import follow as parts_of_runs
 from tests.builders import damage
 
@@ -145,9 +147,9 @@ PIECES = 5
 def walk(folder: Path, seed: int = 0, until: int = PIECES) -> np.ndarray:
     """Cheap work in pieces: numbers that hang on all before them; and one piece of its own."""
     work = Checkpoint.of_work(folder, seed=seed)
-    if (first := work.kept("first")) is None:
-        work.keep("first", {"x": np.array([0.1 + seed])}, {"of": "walk"})
-        first = work.kept("first")
+    if (first := work.load("first")) is None:
+        work.save("first", {"x": np.array([0.1 + seed])}, {"of": "walk"})
+        first = work.load("first")
     sequence = work.sequence("part")
     pieces, state = sequence.resumed()
     now = first[0]["x"] if state is None else state["now"]
@@ -199,7 +201,7 @@ def wreck(copy: Path, others: list[Path], chance: random.Random) -> None:
     elif kind == 6:
         path.write_bytes(chance.choice(damage.BYTES)(path.read_bytes(), chance))
     elif kind == 7:
-        marker = copy / checkpoint.MARKER
+        marker = copy / MARKER
         text = chance.choice(damage.BYTES)(marker.read_bytes(), chance)
         marker.write_bytes(chance.choice([text, chance.choice(damage.TEXTS).encode()]))
     else:
@@ -214,8 +216,8 @@ def test_a_wrecked_checkpoint_gives_no_other_result(walked, tmp_path, monkeypatc
     folder, whole = walked
     others = [folder / "other", *(folder / str(count) for count in range(1, PIECES + 1))]
     monkeypatch.setattr(files, "_flush", lambda path: None)  # no power fails here
-    told = checkpoint._environment()
-    monkeypatch.setattr(checkpoint, "_environment", lambda: told)
+    told = work_of_checkpoint.environment()
+    monkeypatch.setattr(work_of_checkpoint, "environment", lambda: told)
     copy, same = tmp_path / "copy", 0
     for number in range(trials):
         chance = random.Random(number)
@@ -293,7 +295,7 @@ def test_a_marker_that_is_not_ours_is_refused_in_one_line(walked, tmp_path):
     folder, whole = walked
     copy = tmp_path / "copy"
     shutil.copytree(folder / "3", copy)
-    marker = copy / checkpoint.MARKER
+    marker = copy / MARKER
     text = marker.read_text()
     for body in (*damage.TEXTS, "", text[:-5], text.replace('"work"', '"Work"'), "\x00", "\udcff"):
         marker.write_bytes(body.encode(errors="surrogateescape"))
@@ -302,10 +304,10 @@ def test_a_marker_that_is_not_ours_is_refused_in_one_line(walked, tmp_path):
     marker.unlink()
     with pytest.raises(InputError, match="is no checkpoint that mrjax made, and not empty"):
         walk(copy)
-    (copy / checkpoint.OLD_MARKER).write_text("{}")
+    (copy / OLD_MARKER).write_text("{}")
     with pytest.raises(InputError, match="is a checkpoint of an earlier version"):
         walk(copy)
-    (copy / checkpoint.OLD_MARKER).unlink()
+    (copy / OLD_MARKER).unlink()
     marker.write_text(text)
     assert np.array_equal(walk(copy), whole)
 

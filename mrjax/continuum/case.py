@@ -1,0 +1,56 @@
+"""A column before it settles: what it is filled with, and when it is looked at."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike, DTypeLike
+
+from mrjax.continuum.compression import Compression
+from mrjax.core import checks
+from mrjax.core.errors import InputError, shown
+from mrjax.core.parameters import Parameters
+from mrjax.core.tracing import value_or_none
+from mrjax.laws import particle
+from mrjax.laws.hindrance import Hindrance, as_tree
+
+
+class Case(NamedTuple):
+    """The arguments of `column`, in SI."""
+
+    parameters: Parameters
+    height: ArrayLike
+    volume_fraction: ArrayLike
+    bed_fraction: ArrayLike
+    times: ArrayLike
+    hindrance: Hindrance | None
+    compression: Compression | None
+
+    def as_arrays(self) -> "Case":
+        """The same with the closure and the times as trees of arrays.
+
+        Raises:
+          InputError: times that are no numbers.
+        """
+        times = self.times
+        try:
+            checks.numeric(times)
+        except ValueError:
+            raise InputError(
+                f"times = {shown(times)}: give one row of numbers in s, shape (T,)"
+            ) from None
+        if not isinstance(times, Array):
+            times = jnp.asarray(times) if value_or_none(times) is None else np.asarray(times, float)
+        return self._replace(times=times, hindrance=as_tree(self.hindrance))
+
+    def sinking(self) -> tuple["Case", Array]:
+        """The mirror image of a column that creams, else the same; and whether it creams, ()."""
+        rising = particle.rises(self.parameters)
+        gravity = jnp.where(rising, -self.parameters.gravity, self.parameters.gravity)
+        return self._replace(parameters=self.parameters.replace(gravity=gravity)), rising
+
+    def astype(self, dtype: DTypeLike) -> "Case":
+        """The same with all numbers in one precision."""
+        return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype), self)

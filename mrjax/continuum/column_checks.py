@@ -1,0 +1,139 @@
+"""Checks of the arguments of a column: refused where they are known, else a flag for the result.
+
+The bounds of numbers are listed once, in `bounds`.
+"""
+
+import math
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+
+from mrjax.continuum import kynch
+from mrjax.continuum.case import Case
+from mrjax.core import checks
+from mrjax.core.errors import InputError, shown
+from mrjax.core.parameters import Parameters
+from mrjax.core.tracing import value_or_none
+from mrjax.laws.closed_forms import terminal_velocity
+
+
+class Bound(NamedTuple):
+    """A number that must lie above zero and below a limit."""
+
+    name: str
+    value: ArrayLike
+    limit: ArrayLike | None
+    unit: str
+
+
+def bounds(case: Case) -> tuple[Bound, ...]:
+    """The bounds of what fills the column."""
+    return (
+        Bound("height", case.height, None, "m"),
+        Bound("bed_fraction", case.bed_fraction, 1.0, "1"),
+        Bound("volume_fraction", case.volume_fraction, case.bed_fraction, "1"),
+    )
+
+
+def compression_bounds(case: Case) -> tuple[Bound, ...]:
+    """The bounds of a compressible bed; none of a rigid one."""
+    stress = case.compression
+    if stress is None:
+        return ()
+    return (
+        Bound("gel_fraction", stress.gel_fraction, case.bed_fraction, "1"),
+        Bound("stress", stress.stress, None, "Pa"),
+        Bound("exponent", stress.exponent, None, "1"),
+    )
+
+
+def refuse(case: Case) -> None:
+    """Passes what describes a column, as far as it is known.
+
+    Raises:
+      InputError: the first argument that does not.
+    """
+    checks.of_kind(Parameters, parameters=case.parameters)
+    velocity = jnp.shape(terminal_velocity(case.parameters))
+    if velocity != ():
+        raise InputError(
+            f"parameters are those of {velocity} particles; a column settles as equal ones: give "
+            "one number for each parameter, such as the radius of the mean settling velocity"
+        )
+    checks.meaningful(case.parameters, 1, None)
+    for bound in (*bounds(case), *compression_bounds(case)):
+        _refuse_number(bound)
+    _refuse_times(case.times)
+
+
+def possible(case: Case, flux: kynch.Table) -> Array:
+    """True, (), for arguments that `refuse` would pass, and particles that settle; traced."""
+    times = case.times
+    ascending = jnp.all(jnp.diff(times) > 0.0) & (times[0] >= 0.0) & (times[-1] > 0.0)
+    settles = jnp.all(jnp.isfinite(flux.flux) & (flux.flux >= 0.0))
+    within = jnp.asarray(True)
+    for bound in bounds(case):
+        within = within & (bound.value > 0.0)
+        if bound.limit is not None:
+            within = within & (bound.value < bound.limit)
+    return ascending & within & settles
+
+
+def _refuse_number(bound: Bound) -> None:
+    """Passes one number within its bounds, and one that is traced.
+
+    Raises:
+      InputError: it is not.
+    """
+    name, value, _, unit = bound
+    try:
+        number = checks.numeric(value)
+    except ValueError:
+        number = np.zeros(2)  # whatever it is, it is not one number
+    if number is None and np.shape(value) == ():
+        return
+    if number is None or number.ndim:
+        raise InputError(f"{name} = {shown(value)}: give one number, in {unit}")
+    limit = _known_limit(bound.limit)
+    if not number > 0.0 or not np.isfinite(number) or number >= limit:
+        below = ""
+        if math.isfinite(limit):
+            below = f" and below {limit:.6g}" + (", bed_fraction" if limit < 1.0 else "")
+        raise InputError(f"{name} = {float(number):.6g} must be above 0{below}, in {unit}")
+    checks.positive(float(number), name, unit)
+
+
+def _known_limit(limit: ArrayLike | None) -> float:
+    """The limit as a number; 1, that of every fraction, where it is traced."""
+    if limit is None:
+        return math.inf
+    number = checks.numeric(limit)
+    return 1.0 if number is None else float(number)
+
+
+def _refuse_times(times: Array | np.ndarray) -> None:
+    """Passes a row of times that increase from 0, as far as they are known.
+
+    Raises:
+      InputError: the first such time.
+    """
+    if times.ndim != 1 or times.size == 0:
+        raise InputError(f"times have shape {times.shape}; give one row of them in s, shape (T,)")
+    numbers = value_or_none(times)
+    if numbers is None:
+        return
+    for number, time in enumerate(numbers):
+        if not 0.0 <= time < np.inf:
+            raise InputError(f"times[{number}] = {time:.6g} must be at least 0 and finite, in s")
+        if time != 0.0:
+            checks.positive(time, f"times[{number}]", "s")
+        if number > 0 and not time > numbers[number - 1]:
+            raise InputError(
+                f"times[{number}] = {time:.6g} s is not after {numbers[number - 1]:.6g} s; give "
+                "increasing times"
+            )
+    if numbers[-1] == 0.0:
+        raise InputError("times = [0]: nothing settles in no time; give a later last one, in s")

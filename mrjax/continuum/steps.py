@@ -1,0 +1,67 @@
+"""The number of steps of a settling column, from the speed of its fastest front."""
+
+import math
+
+import jax
+import numpy as np
+from jax import Array
+
+from mrjax.continuum import kynch
+from mrjax.continuum.case import Case
+from mrjax.continuum.scheme import REACH, fastest_front
+from mrjax.core.errors import InputError
+from mrjax.core.tracing import drop_tracers, evaluated_or_none
+
+COURANT_SHARE = 0.95
+"""Share of `REACH` that the fastest front crosses in a step that is chosen."""
+MOST_STEPS = 10**8
+
+
+def fewest_steps(case: Case, cells: int) -> float | None:
+    """The fewest steps in which no front crosses more than half a cell; None for traced values.
+
+    Raises:
+      InputError: particles that do not settle at every volume fraction.
+    """
+    evaluated = evaluated_or_none(lambda case: (*_speeds(case), case), drop_tracers(case))
+    if evaluated is None:
+        return None
+    flux, speed, numbers = evaluated
+    for fraction, solid in zip(np.asarray(flux.fraction), np.asarray(flux.flux), strict=True):
+        if not 0.0 <= solid < np.inf:
+            raise InputError(
+                f"at a volume fraction of {fraction:.3g} the particles would settle at "
+                f"{solid / fraction:.3g} m/s; give a hindrance that holds up to bed_fraction = "
+                f"{float(numbers.bed_fraction):.3g}, in a viscous fluid"
+            )
+    last, height = (float(np.ravel(array)[-1]) for array in (numbers.times, numbers.height))
+    return float(speed) * last / height * cells / REACH
+
+
+def chosen_steps(fewest: float | None) -> int:
+    """Some more than the fewest steps, rounded up to four binary digits.
+
+    Raises:
+      InputError: they are not known, or more than can be waited for.
+    """
+    if fewest is None:
+        raise InputError(
+            "what settles is traced by jit or vmap, so column cannot choose its steps; give "
+            "steps=mrjax.column_steps(...), computed outside from plain numbers"
+        )
+    steps = max(1.0, fewest / COURANT_SHARE)
+    if steps > MOST_STEPS:
+        raise InputError(
+            f"times up to the last take {steps:.3g} steps, more than {MOST_STEPS}; give an earlier "
+            "last time, fewer cells, or a volume_fraction further from bed_fraction"
+        )
+    digit = 2 ** max(0, math.frexp(steps)[1] - 4)
+    return math.ceil(steps / digit) * digit
+
+
+@jax.jit
+def _speeds(case: Case) -> tuple[kynch.Table, Array]:
+    """The flux and the fastest front, m/s."""
+    case, _ = case.sinking()
+    flux = kynch.table(case.parameters, case.hindrance, case.volume_fraction, case.bed_fraction)
+    return flux, fastest_front(case, flux)
