@@ -1,4 +1,4 @@
-"""What processes send each other: JSON, and the bytes of arrays; nothing that could run when read.
+"""Messages between processes: JSON, and the bytes of arrays; nothing that could run when read.
 
 A message is the length of its JSON (8 bytes), the JSON, and all arrays one after another.
 """
@@ -21,16 +21,16 @@ from mrjax.core.state import ContactHistory, State
 from mrjax.core.trajectory import Trajectory
 from mrjax.recipe.recipe import Recipe
 
-TABLES = {one.__name__: one for one in (Box, ContactHistory, Run, State, Trajectory)}
+TABLES = {table.__name__: table for table in (Box, ContactHistory, Run, State, Trajectory)}
 """Dataclasses by name."""
-ERRORS = {one.__name__: one for one in (InputError, SimulationError, SystemRefusal)}
+ERRORS = {error.__name__: error for error in (InputError, SimulationError, SystemRefusal)}
 LENGTH = struct.Struct("!Q")
 KINDS = "biufc"
 """Kinds of numbers, as numpy has them."""
 
 
 def encode(value: Any) -> bytes:
-    """A message.
+    """Encodes a value as a message.
 
     Args:
       value: of numbers, text, arrays, lists, paths, recipes, `TABLES` and `ERRORS`.
@@ -45,7 +45,7 @@ def encode(value: Any) -> bytes:
 
 
 def decode(message: bytes) -> Any:
-    """What was encoded; arrays are JAX's.
+    """Decodes a message; arrays are JAX's.
 
     Raises:
       ValueError: it is no message, or ends too early.
@@ -59,13 +59,13 @@ def decode(message: bytes) -> Any:
 
 
 def _plain(value: Any, arrays: list[np.ndarray]) -> Any:
-    """What JSON has a form for; arrays are put aside, in the order of reading."""
+    """The value in forms that JSON has; arrays are put aside, in the order of reading."""
     if isinstance(value, np.generic):
         value = value.item()
     if value is None or isinstance(value, bool | int | float | str):
         return value
     if isinstance(value, list | tuple):
-        return {type(value).__name__: [_plain(one, arrays) for one in value]}
+        return {type(value).__name__: [_plain(item, arrays) for item in value]}
     if isinstance(value, np.ndarray | jax.Array):
         array = np.asarray(value)
         if array.dtype.kind not in KINDS:
@@ -78,53 +78,53 @@ def _plain(value: Any, arrays: list[np.ndarray]) -> Any:
         return {"recipe": value.model_dump(mode="json", exclude_none=True)}
     if (name := type(value).__name__) in TABLES:
         fields = dataclasses.fields(value)
-        return {name: {one.name: _plain(getattr(value, one.name), arrays) for one in fields}}
+        return {name: {field.name: _plain(getattr(value, field.name), arrays) for field in fields}}
     if isinstance(value, Exception) and name in ERRORS:
-        more = {one: _plain(getattr(value, one, None), arrays) for one in _MORE}
+        more = {key: _plain(getattr(value, key, None), arrays) for key in _MORE_OF_ERROR}
         return {name: {"text": str(value), **more}}
     raise TypeError(f"a {name} is not sent")
 
 
-_MORE = ("state", "time", "faults")
-"""Of a `SimulationError`, beside its text."""
+_MORE_OF_ERROR = ("state", "time", "faults")
+"""Attributes of a `SimulationError` beside its text."""
 
 
 class _Reader:
     """Reads arrays from a message, one after another."""
 
-    def __init__(self, message: bytes, at: int) -> None:
-        self.message, self.at = message, at
+    def __init__(self, message: bytes, offset: int) -> None:
+        self.message, self.offset = message, offset
 
     def value(self, tree: Any) -> Any:
-        """What JSON stands for."""
+        """The value that JSON stands for."""
         if not isinstance(tree, dict):
             return tree
         ((kind, held),) = tree.items()
         match kind:
             case "list":
-                return [self.value(one) for one in held]
+                return [self.value(item) for item in held]
             case "tuple":
-                return tuple(self.value(one) for one in held)
+                return tuple(self.value(item) for item in held)
             case "array":
                 return jnp.asarray(self._array(*held))
             case "path":
                 return Path(held)
             case "recipe":
                 return Recipe.model_validate(held)
-        found = {name: self.value(one) for name, one in held.items()}
+        fields = {name: self.value(item) for name, item in held.items()}
         if kind in TABLES:
-            return TABLES[kind](**found)
-        error = ERRORS[kind](found["text"])
+            return TABLES[kind](**fields)
+        error = ERRORS[kind](fields["text"])
         if isinstance(error, SimulationError):
-            error.state, error.time = found["state"], found["time"]
-            error.faults = found["faults"]
+            error.state, error.time = fields["state"], fields["time"]
+            error.faults = fields["faults"]
         return error
 
     def _array(self, dtype: str, shape: list[int]) -> np.ndarray:
-        """The next one; numpy refuses one that is longer than the message."""
+        """The next array; numpy refuses one that is longer than the message."""
         kind = np.dtype(dtype)
         if kind.kind not in KINDS or min(shape, default=0) < 0:
             raise TypeError(dtype)
-        array = np.frombuffer(self.message, kind, math.prod(shape), self.at)
-        self.at += array.nbytes
+        array = np.frombuffer(self.message, kind, math.prod(shape), self.offset)
+        self.offset += array.nbytes
         return array.reshape(shape)

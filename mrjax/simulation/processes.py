@@ -13,19 +13,20 @@ from jax.experimental import multihost_utils
 
 from mrjax.core.errors import InputError, SimulationError, SystemRefusal
 from mrjax.simulation import messages, partners
+from mrjax.simulation.partners import timing
 
 T = TypeVar("T")
 R = TypeVar("R")
 
 _group: partners.Group | None = None
-"""Of this process, once it has joined."""
+"""The group of this process, once it has joined."""
 
 
 def join(address: str | None = None, count: int | None = None, number: int | None = None) -> None:
     """Makes this process one of `count`, which all call this, before anything is computed.
 
     From then on a process that dies ends all others with one line and exit status 3: at once where
-    they wait for it, else within `partners.GRACE`, `partners.SILENCE` later where its machine died.
+    they wait for it, else within `timing.GRACE`, `timing.SILENCE` later where its machine died.
 
     Args:
       address: HOST:PORT at which process 0 can be reached.
@@ -34,7 +35,7 @@ def join(address: str | None = None, count: int | None = None, number: int | Non
         as JAX finds them.
 
     Raises:
-      InputError: the others do not come within `partners.PATIENCE`, or there is no scheduler.
+      InputError: the others do not come within `timing.PATIENCE`, or there is no scheduler.
     """
     global _group
     try:
@@ -52,17 +53,17 @@ def join(address: str | None = None, count: int | None = None, number: int | Non
 
 
 def leave() -> None:
-    """Says that this process has done its share: it may end without ending the others."""
+    """Tells the others that this process has done its share: it may end without ending them."""
     if _group is not None:
         _group.leave()
 
 
 def _scheduled() -> tuple[str | None, int | None, int | None]:
-    """Address, count and number, as the cluster's scheduler has them; GPUs divided likewise."""
+    """Address, count and number from the cluster's scheduler; GPUs divided likewise."""
     from jax._src.clusters import ClusterEnv  # JAX has no public name for it
 
     address, count, number, devices = ClusterEnv.auto_detect_unset_distributed_params(
-        None, None, None, None, None, int(partners.PATIENCE)
+        None, None, None, None, None, int(timing.PATIENCE)
     )
     if devices:
         visible = ",".join(map(str, devices))
@@ -72,22 +73,22 @@ def _scheduled() -> tuple[str | None, int | None, int | None]:
 
 
 def count() -> int:
-    """Of the processes."""
+    """The number of processes."""
     return jax.process_count() if _group is None else _group.count
 
 
 def number() -> int:
-    """Of this process, from 0 on."""
+    """The number of this process, from 0 on."""
     return jax.process_index() if _group is None else _group.number
 
 
 def is_first() -> bool:
-    """Whether this process is the one that writes and speaks; true of a single one."""
+    """True on process 0, which alone writes files and messages."""
     return number() == 0
 
 
 def divided(work: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[R]:
-    """What work gives for all items, on every process, each having done its share.
+    """Divides work among the processes; returns the results for all items, on every process.
 
     Every process calls this with as many items.
 
@@ -107,7 +108,7 @@ def divided(work: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[
     except (InputError, SimulationError, SystemRefusal) as error:  # the others must not wait
         done = error
     try:
-        shares = [messages.decode(one) for one in _of_all(messages.encode(done))]
+        shares = [messages.decode(message) for message in _gathered(messages.encode(done))]
     except ValueError as error:
         raise SystemRefusal(f"what another process sent {error}; give a free port") from None
     for share in shares:
@@ -118,12 +119,12 @@ def divided(work: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[
 
 
 def by_first(work: Callable[[], R]) -> R:
-    """What work gives on process 0 alone, on every process; raises as `divided`."""
+    """Does work on process 0 alone; returns its result on every process. Raises as `divided`."""
     return divided(lambda some: [work() for _ in some], [None])[0]
 
 
-def _of_all(mine: bytes) -> list[bytes]:
-    """What each process holds, in their order, on every process."""
+def _gathered(mine: bytes) -> list[bytes]:
+    """The messages of all processes, in their order, on every process."""
     if _group is not None:
         return _group.gather(mine)
     packed = np.frombuffer(mine, np.uint8)
@@ -134,7 +135,7 @@ def _of_all(mine: bytes) -> list[bytes]:
 
 
 def usable_cores() -> int:
-    """Processors that this process may use."""
+    """The number of processors that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

@@ -21,11 +21,11 @@ def test_other_work_is_refused_by_what_differs(tmp_path, before, now, words):
     folder = tmp_path / "kept"
     one = Checkpoint.of_work(folder, **before)
     one.claim()
-    one.keep("first", {"x": np.arange(3.0)}, {"n": 3})
+    one.save("first", {"x": np.arange(3.0)}, {"n": 3})
     with pytest.raises(InputError, match=words) as error:
         Checkpoint.of_work(folder, **now)
     assert "keeps other work" in str(error.value) and "to begin anew" in str(error.value)
-    arrays, metadata = Checkpoint.of_work(folder, **before).kept("first")
+    arrays, metadata = Checkpoint.of_work(folder, **before).load("first")
     np.testing.assert_array_equal(arrays["x"], [0.0, 1.0, 2.0])
     assert metadata == {"n": 3}
 

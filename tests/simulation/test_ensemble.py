@@ -210,7 +210,7 @@ def test_a_fault_of_one_process_is_told_by_all(tmp_path):
 @pytest.mark.parametrize("number", [0, 1])
 def test_an_address_that_cannot_be_used_is_refused(monkeypatch, number):
     """Taken, or with nobody there: JAX would crash."""
-    monkeypatch.setattr(partners, "PATIENCE", 0.0)
+    monkeypatch.setattr(partners.timing, "PATIENCE", 0.0)
     with socket.socket() as taken:
         taken.bind(("", 0))
         where = f"127.0.0.1:{taken.getsockname()[1]}"

@@ -23,7 +23,8 @@ import sys, time
 from mrjax.simulation import partners
 from mrjax.core.errors import InputError, SystemRefusal
 
-partners.PATIENCE, partners.SILENCE, partners.BEAT, partners.GRACE = {times}
+timing = partners.timing
+timing.PATIENCE, timing.SILENCE, timing.BEAT, timing.GRACE = {times}
 number, count, port, busy = map(int, sys.argv[1:])
 try:
     group = partners.meet(f"127.0.0.1:{{port}}", count, number)

@@ -1,0 +1,106 @@
+"""The meeting of processes: the first waits for all others, each tells its number and version."""
+
+import json
+import socket
+import time
+from importlib.metadata import version
+
+from mrjax.core.errors import InputError
+from mrjax.simulation.partners import timing
+from mrjax.simulation.partners.frames import HELLO, HELLO_BYTES, NO, WELCOME, frames, send
+from mrjax.simulation.partners.group import Group
+
+
+def meet(address: str, count: int, number: int) -> Group:
+    """Connects all processes, and waits until they are there.
+
+    Args:
+      address: HOST:PORT of process 0.
+      count: of the processes.
+      number: of this one.
+
+    Raises:
+      InputError: they do not fit together.
+      OSError, ValueError: they cannot be reached, or do not come.
+    """
+    host, _, port = address.rpartition(":")
+    if not int(port) < 2**16:
+        raise ValueError(f"{port} is no port")
+    until = time.monotonic() + timing.PATIENCE
+    if number == 0:
+        return Group(number, count, _accepted_callers(int(port), count, until))
+    return Group(
+        number, count, {0: _connected_to_first(host.strip("[]"), int(port), count, number, until)}
+    )
+
+
+def _accepted_callers(port: int, count: int, until: float) -> dict[int, socket.socket]:
+    """Connections of process 0 with all others, by their numbers."""
+    callers: dict[int, socket.socket] = {}
+    both = socket.has_dualstack_ipv6()
+    family = socket.AF_INET6 if both else socket.AF_INET
+    with socket.create_server(("", port), family=family, dualstack_ipv6=both) as server:
+        while len(callers) < count - 1:
+            server.settimeout(max(0.01, until - time.monotonic()))
+            try:
+                caller, _ = server.accept()
+            except TimeoutError:
+                first = min(set(range(1, count)) - set(callers))
+                raise TimeoutError(
+                    f"process {first} of {count} did not come within {timing.PATIENCE:.0f} s"
+                ) from None
+            _admit(caller, count, callers)
+    for caller in callers.values():
+        send(caller, WELCOME, b"")
+    return callers
+
+
+def _admit(caller: socket.socket, count: int, callers: dict[int, socket.socket]) -> None:
+    """Adds a process of this computation to the callers; says no to any other."""
+    try:
+        caller.settimeout(5.0)
+        kind, content = next(frames(caller, HELLO_BYTES))
+        said = json.loads(content)
+        number = said["number"]
+        if kind != HELLO or not isinstance(number, int):
+            raise ValueError
+        expected = {"mrjax": version("mrjax"), "count": count}
+        reason = "".join(
+            f"process {number} has {name} = {said.get(name)}, process 0 has {value}"
+            for name, value in expected.items()
+            if said.get(name) != value
+        )
+        if not reason and (number in callers or not 0 < number < count):
+            reason = f"there is a process {number} already"
+        if not reason:
+            callers[number] = caller
+            return
+        send(caller, NO, reason.encode())
+    except Exception:  # a stranger, who may say anything
+        pass
+    caller.close()
+
+
+def _connected_to_first(
+    host: str, port: int, count: int, number: int, until: float
+) -> socket.socket:
+    """The connection of another process with process 0, once all are there."""
+    while True:
+        try:
+            caller = socket.create_connection((host, port), timeout=10.0)
+            break
+        except socket.gaierror:
+            raise
+        except OSError:
+            if time.monotonic() > until:
+                raise
+        time.sleep(0.1)
+    hello = {"mrjax": version("mrjax"), "count": count, "number": number}
+    send(caller, HELLO, json.dumps(hello).encode())
+    caller.settimeout(timing.PATIENCE + timing.GRACE)
+    kind, content = next(frames(caller, HELLO_BYTES), (0, b""))
+    if kind == NO:
+        raise InputError(content.decode(errors="replace"))
+    if kind != WELCOME:
+        raise ConnectionError("process 0 ended before all were there")
+    return caller
