@@ -124,9 +124,12 @@ class Engine:
         self.matter, self.settings = matter, settings
         self.particles, self.dtype = particles, dtype
         parameters = matter.parameters
-        self.contact_law = contact_law(parameters, laws=settings.laws, material=matter.material)
+        self.coated = particle.coated_particle(parameters)
+        self.contact_law = contact_law(
+            parameters, laws=settings.laws, material=matter.material, coated=self.coated
+        )
         self.net_weight = net_weight(parameters, particles)
-        self.radius = per_particle(particle.outer_radius(parameters), particles)
+        self.radius = per_particle(self.coated.radius, particles)
         self.skin_left = settings.neighbour_list.cutoff - 2.0 * jnp.max(self.radius)
         # Without hindrance it does not depend on where the particles are.
         self.uniform_step = self._step_coefficients() if matter.hindrance is None else None
@@ -231,7 +234,9 @@ class Engine:
     def _mode(self, motion: Motion, deepest: Array, position: Array) -> ModeEstimate:
         """The fastest mode of the contacts of an interval."""
         pairs, matter = motion.pairs, self.matter
-        properties = effective.per_pair(matter.parameters, matter.material, *pairs.surfaces)
+        properties = effective.per_pair(
+            matter.parameters, matter.material, *pairs.surfaces, coated=self.coated
+        )
         kicks = self._kicks(position)
         bed = (motion.mode, pairs, properties, deepest, self.radius, *kicks)
         sliding = self.settings.laws.sliding

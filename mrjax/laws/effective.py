@@ -9,6 +9,7 @@ from jax.typing import ArrayLike
 
 from mrjax.core.parameters import Parameters
 from mrjax.laws import normal, particle, rolling, tangential
+from mrjax.laws.particle import CoatedParticle
 
 
 class PairProperties(NamedTuple):
@@ -33,6 +34,8 @@ def per_pair(
     first: ArrayLike,
     second: ArrayLike,
     wall: ArrayLike | None,
+    *,
+    coated: CoatedParticle | None = None,
 ) -> PairProperties:
     """Properties of the contacts between these surfaces; a wall is of infinite radius and mass.
 
@@ -42,7 +45,9 @@ def per_pair(
       first: ids of particles, (P,).
       second: ids of their partners, particles or walls, (P,).
       wall: whether the second is a wall, (P,); None in a box without.
+      coated: the coated particles; left out, of the parameters.
     """
+    coated = particle.coated_particle(parameters) if coated is None else coated
 
     def sides(leaf: Array, of_wall: Array | None = None) -> tuple[Array, Array]:
         # A wall's id is beyond the last particle's, which is read in its place.
@@ -70,8 +75,7 @@ def per_pair(
         sides(parameters.poisson_ratio, parameters.wall_poisson_ratio),
     )
     materials = (modulus_i, poisson_i, modulus_j, poisson_j)
-    moment, mass = particle.moment_of_inertia(parameters), particle.inertia(parameters)
-    radius = particle.outer_radius(parameters)
+    radius, mass, moment = coated
     return PairProperties(
         normal.effective_modulus(*materials),
         tangential.effective_shear_modulus(*materials),
@@ -87,19 +91,20 @@ def per_pair(
     )
 
 
-def per_kind(parameters: Parameters, material: Array | None, walled: bool) -> PairProperties | None:
+def per_kind(
+    parameters: Parameters, material: Array | None, walled: bool, coated: CoatedParticle
+) -> PairProperties | None:
     """Constants of a contact of two particles and, in a box with walls, of one with a wall.
 
     Of shape (1,) or (2,), () where all are equal; None where particles differ, and so do the
     contacts of one kind.
     """
-    radius, mass = particle.outer_radius(parameters), particle.inertia(parameters)
-    of_each = radius, mass, parameters.elastic_modulus, parameters.poisson_ratio
+    of_each = coated.radius, coated.inertia, parameters.elastic_modulus, parameters.poisson_ratio
     if material is not None or any(jnp.ndim(leaf) for leaf in of_each):
         return None
     anyone = jnp.zeros(1 + walled, jnp.int32)
     wall = np.array([False, True]) if walled else None
-    return per_pair(parameters, None, anyone, anyone, wall)
+    return per_pair(parameters, None, anyone, anyone, wall, coated=coated)
 
 
 def of(parameters: Parameters, material: Array | None, listed: Any) -> PairProperties:

@@ -3,7 +3,7 @@
 The only reader of `f_r`. Every function takes `Parameters` and returns shape () or (N,).
 """
 
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,6 +13,21 @@ from mrjax.core.parameters import Parameters
 
 ScalarT = TypeVar("ScalarT", float, Array)
 """Plain numbers of a lab sheet, or arrays of a run."""
+
+
+class CoatedParticle(NamedTuple):
+    """What contacts read of the coated particles; () or (N,)."""
+
+    radius: Array  # f_r R, m
+    inertia: Array  # mass and added mass, kg
+    moment_of_inertia: Array  # kg m^2
+
+
+def coated_particle(parameters: Parameters) -> CoatedParticle:
+    """Radius and inertia of the coated particles, which a run computes once."""
+    return CoatedParticle(
+        outer_radius(parameters), inertia(parameters), moment_of_inertia(parameters)
+    )
 
 
 def outer_radius(parameters: Parameters) -> Array:

@@ -28,6 +28,7 @@ from mrjax.dem.pairs import Pairs
 from mrjax.kernel import pair_sum
 from mrjax.laws import normal, particle, rolling, tangential
 from mrjax.laws.effective import PairProperties
+from mrjax.laws.particle import CoatedParticle
 from mrjax.laws.vectors import Vector, cross, dot, plus, times
 
 
@@ -72,6 +73,7 @@ def contact_law(
     *,
     laws: ActiveLaws,
     material: Array | None = None,
+    coated: CoatedParticle | None = None,
     time_step: float = 1.0,
 ) -> Callable[[Pairs], ContactLaw]:
     """The contact law of a run, with all that does not change during it computed once.
@@ -80,6 +82,7 @@ def contact_law(
       parameters: in one coherent system of units.
       laws: those that act.
       material: of each particle, (N,); None where all are of one.
+      coated: the coated particles; left out, of the parameters.
       time_step: by which the contacts' history advances at every evaluation.
 
     Returns:
@@ -89,11 +92,11 @@ def contact_law(
       and torques are multiplied, (2,) or (2, N). Multiplied by the gains of a step they are what
       the step adds to velocities and spins, and reverse mode has no forces to keep.
     """
-    radius = particle.outer_radius(parameters)
+    known = particle.coated_particle(parameters) if coated is None else coated
 
     def law(pairs: Pairs) -> ContactLaw:
-        properties = PropertyArrays.of_pairs(parameters, radius, material, pairs)
-        return _ContactsOfList(pairs, radius, properties, laws, time_step).forces
+        properties = PropertyArrays.of_pairs(parameters, known, material, pairs)
+        return _ContactsOfList(pairs, known.radius, properties, laws, time_step).forces
 
     return law
 

@@ -10,6 +10,7 @@ from mrjax.core.parameters import Parameters
 from mrjax.dem.pairs import Pairs
 from mrjax.laws import effective
 from mrjax.laws.effective import PairProperties
+from mrjax.laws.particle import CoatedParticle
 from mrjax.laws.vectors import Vector
 
 
@@ -27,24 +28,24 @@ class PropertyArrays(NamedTuple):
 
     @staticmethod
     def of_pairs(
-        parameters: Parameters, radius: Array, material: Array | None, pairs: Pairs
+        parameters: Parameters, coated: CoatedParticle, material: Array | None, pairs: Pairs
     ) -> "PropertyArrays":
         """The properties of the pairs of a list.
 
         Args:
           parameters: in one coherent system of units.
-          radius: of the coated particles, () or (N,).
+          coated: the coated particles.
           material: of each particle, (N,); None where all are of one.
           pairs: the list.
         """
-        kinds = effective.per_kind(parameters, material, pairs.wall is not None)
+        kinds = effective.per_kind(parameters, material, pairs.wall is not None, coated)
         properties = kinds
         if properties is None:
-            properties = effective.per_pair(parameters, material, *pairs.surfaces)
+            properties = effective.per_pair(parameters, material, *pairs.surfaces, coated=coated)
         values = properties._asdict()
         differing = {name: value for name, value in values.items() if jnp.ndim(value)}
         equal = [value for name, value in values.items() if name not in differing]
-        equal += [] if jnp.ndim(radius) else [radius]
+        equal += [] if jnp.ndim(coated.radius) else [coated.radius]
         rows = jnp.stack([*differing.values()]) if differing else None
         by_kind = [] if kinds is None or rows is None else list(rows.T)
         return PropertyArrays(
