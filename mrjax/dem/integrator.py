@@ -75,3 +75,6 @@ def step(
     keep, added, noted = kick(half_way, velocity)
     velocity = kicked(velocity, keep, added)
     return drifted(half_way, velocity, time_step), velocity, noted
+
+
+mean_decay = phi_1  # its name of before

@@ -92,19 +92,28 @@ def per_pair(
 
 
 def per_kind(
-    parameters: Parameters, material: Array | None, walled: bool, coated: CoatedParticle
+    parameters: Parameters,
+    material: Array | None,
+    walled: bool,
+    coated: CoatedParticle | None = None,
 ) -> PairProperties | None:
     """Constants of a contact of two particles and, in a box with walls, of one with a wall.
 
     Of shape (1,) or (2,), () where all are equal; None where particles differ, and so do the
     contacts of one kind.
     """
+    coated = particle.coated_particle(parameters) if coated is None else coated
     of_each = coated.radius, coated.inertia, parameters.elastic_modulus, parameters.poisson_ratio
     if material is not None or any(jnp.ndim(leaf) for leaf in of_each):
         return None
     anyone = jnp.zeros(1 + walled, jnp.int32)
     wall = np.array([False, True]) if walled else None
     return per_pair(parameters, None, anyone, anyone, wall, coated=coated)
+
+
+# Their names of before.
+Surfaces = PairProperties
+of_kinds = per_kind
 
 
 def of(parameters: Parameters, material: Array | None, listed: Any) -> PairProperties:

@@ -113,3 +113,8 @@ def _cubic_b_spline(offset: Array) -> tuple[Array, Array, Array, Array]:
         2.0 / 3.0 - 0.5 * rest**2 * (1.0 + offset),
         offset**3 / 6.0,
     )
+
+
+# Their names of before.
+BED, DENSEST = BED_FRACTION, LARGEST_FRACTION
+hindered = hindered_parameters

@@ -7,6 +7,7 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache, partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -294,6 +295,59 @@ def test_what_pairs_add_to_the_same_particle_is_not_lost():
         law, lambda *of: of[2] > 0.0, *ends(listed), particles=jnp.zeros(2), pairs=value
     )
     np.testing.assert_array_equal(found, [45.0, 90.0])
+
+
+class Numbers(NamedTuple):
+    """A tree of a law's own."""
+
+    size: jax.Array
+    way: jax.Array
+
+
+def test_trees_in_and_out():
+    """Dictionaries, named tuples, lists; a plain tuple is a vector."""
+    listed = made([0, 1], [1, 2], np.ones((2, 3)), 3, 3)
+
+    def law(particle, partner, pair, shared, memory):
+        apart = tuple(a - b for a, b in zip(particle.way, partner.way, strict=True))
+        force = tuple(shared["factor"] * pair["spring"] * a for a in apart)
+        to_partner = {"force": tuple(-f for f in force), "count": 1.0}
+        return {"force": force, "count": 1.0}, to_partner, [memory[0] + particle.size, apart]
+
+    sums, (tally, apart) = pair_sum(
+        law,
+        lambda particle, partner, pair, shared, memory: pair["spring"] > 0.0,
+        *ends(listed),
+        particles=Numbers(jnp.arange(3.0), jnp.array([[0.0, 1.0, 3.0], [0.0, 0.0, 5.0]])),
+        pairs={"spring": jnp.array([2.0, 3.0, 9.0])},
+        shared={"factor": 10.0},
+        memory=[jnp.array([7.0, 8.0, 9.0]), jnp.zeros((2, 3))],
+    )
+    np.testing.assert_array_equal(sums["force"], [[-20.0, -40.0, 60.0], [0.0, -150.0, 150.0]])
+    np.testing.assert_array_equal(sums["count"], [1.0, 2.0, 1.0])
+    np.testing.assert_array_equal(tally, [7.0, 9.0, 9.0])
+    np.testing.assert_array_equal(apart, [[-1.0, -2.0, 0.0], [0.0, -5.0, 0.0]])
+
+
+@pytest.mark.parametrize(
+    "result, words",
+    [
+        (lambda x, m: (x, [x], m), "to its partner"),
+        (lambda x, m: ((x, x), x, m), "to its partner"),
+        (lambda x, m: (x, x, (m, m)), "new memory"),
+        (lambda x, m: (x, x, None), "new memory"),
+    ],
+)
+def test_a_law_whose_trees_do_not_fit_is_refused(result, words):
+    listed = made([0], [1], np.ones((1, 3)), 2, 1)
+
+    def law(particle, partner, pair, shared, memory):
+        return result(particle, memory)
+
+    with pytest.raises(ValueError, match=words):
+        pair_sum(law, lambda *_: True, *ends(listed), particles=jnp.ones(2), memory=jnp.zeros(1))
+    with pytest.raises(ValueError, match="one array"):
+        pair_sum(law, lambda *_: True, *ends(listed), particles=None)
 
 
 @pytest.mark.slow
