@@ -1,0 +1,111 @@
+"""Reading of a file: nothing is believed, and damage is an error in one line."""
+
+import os
+import stat
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import jax
+import numpy as np
+from pydantic import BaseModel
+
+from mrjax.core.errors import InputError, shown
+from mrjax.io.npz.archive import (
+    MAX_BYTES,
+    METADATA,
+    read_entry,
+    read_metadata,
+    read_numbers,
+    refuse_directory,
+)
+from mrjax.io.npz.schema import DamagedError, Schema, refuse_headers, refuse_values
+
+M = TypeVar("M", bound=BaseModel)
+
+
+def read(
+    path: Path, schema: Schema[M], max_bytes: int = MAX_BYTES
+) -> tuple[dict[str, np.ndarray], M]:
+    """Reads the arrays and the metadata that `write` wrote.
+
+    Args:
+      path: of the file.
+      schema: what it must hold.
+      max_bytes: of its arrays, unpacked.
+
+    Raises:
+      InputError: there is no such file, or it cannot be read, holds something else, or more than
+        `max_bytes`, or is damaged.
+    """
+    try:
+        return examined(path, schema, max_bytes)
+    except DamagedError as damage:
+        raise InputError(f"{damage}; give {schema.what}") from None
+
+
+def examined(path: Path, schema: Schema[M], max_bytes: int) -> tuple[dict[str, np.ndarray], M]:
+    """Reads as `read` does, for those who know what to do where a file is damaged.
+
+    Raises:
+      DamagedError: it holds something else, or more, or is damaged.
+      InputError: there is no such file, or it is no file, or cannot be read.
+    """
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):  # a pipe would be waited for
+            raise InputError(f"{path}: is not a file that mrjax wrote, nor any file; give another")
+        with path.open("rb") as file:
+            return _parsed(file, schema, max_bytes)
+    except InputError:
+        raise
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from None
+    except DamagedError as damage:
+        reason = str(damage)
+    except Exception as error:
+        # Every byte is untrusted, and the libraries that unpack it state no whole list of what
+        # they raise: zipfile and zlib alone have raised nine kinds.
+        reason = f"{type(error).__name__}: {shown(str(error))}"
+    raise DamagedError(f"{path}: is not a file that mrjax wrote, or damaged ({reason})")
+
+
+def refuse_beyond_single(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    """Passes where JAX, as it is set, takes all numbers for finite.
+
+    Raises:
+      InputError: it is set to single precision, which has no form for some.
+    """
+    if jax.config.jax_enable_x64:  # type: ignore[attr-defined] # made at run time
+        return
+    for name, array in arrays.items():
+        if array.size and np.abs(array).max() > np.finfo(np.float32).max:
+            raise InputError(
+                f"{path}: {name} is beyond single precision; call "
+                'jax.config.update("jax_enable_x64", True) first'
+            )
+
+
+def _parsed(file: Any, schema: Schema[M], max_bytes: int) -> tuple[dict[str, np.ndarray], M]:
+    """Reads directory, headers, metadata, then the numbers: each only where all before is right."""
+    length = os.fstat(file.fileno()).st_size
+    try:
+        archive = zipfile.ZipFile(file)
+    except OSError as error:  # a damaged directory points before the file's first byte
+        raise DamagedError(f"no zip file: {error.strerror}") from None
+    with archive:
+        refuse_directory(archive, schema, length, max_bytes)
+        entries = {info.filename: read_entry(archive, info) for info in archive.infolist()}
+        described = entries.pop(f"{METADATA}.npy", None)
+        if described is None:
+            raise DamagedError("it has no metadata")
+        by_name = {entry.name: entry for entry in entries.values()}
+        lengths = refuse_headers(by_name, schema)
+        metadata = read_metadata(archive, described, schema)
+        arrays = {name: read_numbers(archive, entry) for name, entry in by_name.items()}
+    for name, numbers in (schema.arrays or {}).items():
+        if name in arrays:
+            refuse_values(name, arrays[name], numbers, lengths)
+    return arrays, metadata

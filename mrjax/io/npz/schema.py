@@ -1,0 +1,131 @@
+"""The schema of a file: which arrays it must hold, of which kind, shape and size."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Generic, Protocol, TypeVar
+
+import numpy as np
+from pydantic import BaseModel
+
+from mrjax.core.errors import shown
+
+SIDE_BY_SIDE = "..."
+"""Stands first in a shape for the axes of several runs, as many and as long in all arrays."""
+
+M = TypeVar("M", bound=BaseModel)
+
+
+class DamagedError(Exception):
+    """A file that is not what mrjax wrote."""
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Requirements on an array."""
+
+    shape: tuple[int | str, ...]
+    """Lengths of its axes; those of one name agree in all arrays."""
+    kind: str = "float"
+    """`float`, of 32 or 64 bits, the same in all arrays; or `int`, of 32 bits."""
+    least: float = -math.inf
+    most: float = math.inf
+    below: str | None = None
+    """Name of an axis whose length is beyond all numbers."""
+    finite: bool = True
+    optional: bool = False
+    needs: str | None = None
+    """Name of an array that must be there where this one is."""
+
+
+@dataclass(frozen=True)
+class Schema(Generic[M]):
+    """Requirements on a file."""
+
+    what: str
+    """Words for such a file in a message: `a file that save_state wrote`."""
+    metadata: type[M]
+    arrays: Mapping[str, Numbers] | None
+    """By name; None for numbers of any name and shape, which must not be compressed."""
+    least: Mapping[str, int] = field(default_factory=dict)
+    """Length of axes by name; 1 where not given."""
+
+
+class Header(Protocol):
+    """Shape and type of an array."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Lengths of the axes."""
+
+    @property
+    def dtype(self) -> np.dtype:
+        """The type of its numbers."""
+
+
+def refuse_headers(entries: Mapping[str, Header], schema: Schema) -> dict[str, Any]:
+    """Refuses names, kinds and shapes that are not in the schema; returns lengths of its axes."""
+    arrays = schema.arrays
+    if arrays is None:
+        return {}
+    for name in entries:
+        if name not in arrays:
+            raise DamagedError(f"it holds {shown(name)} beside what it should")
+    lengths: dict[str, Any] = {}
+    precisions = set()
+    for name, numbers in arrays.items():
+        if name not in entries:
+            if not numbers.optional:
+                raise DamagedError(f"it has no {name}")
+            continue
+        if numbers.needs is not None and numbers.needs not in entries:
+            raise DamagedError(f"it has {name}, and no {numbers.needs}")
+        entry = entries[name]
+        kind = entry.dtype.newbyteorder("=")
+        if kind not in ((np.float32, np.float64) if numbers.kind == "float" else (np.int32,)):
+            raise DamagedError(f"{name} is of {kind}, where it must be {numbers.kind}")
+        if numbers.kind == "float":
+            precisions.add(kind)
+        _refuse_shape(name, entry.shape, numbers.shape, lengths)
+    if len(precisions) > 1:
+        raise DamagedError("its numbers are of two precisions")
+    for axis, length in lengths.items():
+        if axis != SIDE_BY_SIDE and length < schema.least.get(axis, 1):
+            raise DamagedError(f"{axis} = {length} is too few")
+    return lengths
+
+
+def _refuse_shape(
+    name: str, shape: tuple[int, ...], wanted: tuple[int | str, ...], lengths: dict[str, Any]
+) -> None:
+    """Refuses a shape unless its axes are as long as wanted, and as those of one name before."""
+    words = f"{name} has shape {shown(shape)} where it must be ({', '.join(map(str, wanted))})"
+    rest = shape
+    if wanted[:1] == (SIDE_BY_SIDE,):
+        wanted = wanted[1:]
+        cut = len(shape) - len(wanted)
+        ahead, rest = shape[: max(cut, 0)], shape[max(cut, 0) :]
+        if cut < 0 or 0 in ahead or lengths.setdefault(SIDE_BY_SIDE, ahead) != ahead:
+            raise DamagedError(words)
+    if len(rest) != len(wanted):
+        raise DamagedError(words)
+    for length, axis in zip(rest, wanted, strict=True):
+        expected = axis if isinstance(axis, int) else lengths.setdefault(axis, length)
+        if length != expected:
+            raise DamagedError(words if isinstance(axis, int) else f"{words}, {axis} = {expected}")
+
+
+def refuse_values(
+    name: str, array: np.ndarray, numbers: Numbers, lengths: Mapping[str, Any]
+) -> None:
+    """Refuses numbers that are not finite or beyond their bounds."""
+    if not array.size:
+        return
+    if numbers.finite and not np.isfinite(array).all():
+        raise DamagedError(f"{name} is not finite")
+    low, high = array.min(), array.max()
+    most = numbers.most if numbers.below is None else lengths[numbers.below] - 1
+    if low < numbers.least or high > most:
+        raise DamagedError(
+            f"{name} reaches from {low:.4g} to {high:.4g}, beyond {numbers.least:.4g} to {most:.4g}"
+        )

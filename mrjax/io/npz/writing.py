@@ -1,0 +1,51 @@
+"""Writing of a file: arrays by name with all digits, and JSON that describes them."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jax.typing import ArrayLike
+
+from mrjax.core.errors import InputError
+from mrjax.io import files
+from mrjax.io.npz.archive import METADATA
+
+
+def named(path: str | Path) -> Path:
+    """The path of a file to be written.
+
+    Raises:
+      InputError: another ending than `.npz`.
+    """
+    if Path(path).suffix != ".npz":
+        raise InputError(f"{path}: give a name that ends in .npz")
+    return Path(path)
+
+
+def write(
+    path: Path,
+    arrays: Mapping[str, ArrayLike],
+    metadata: Mapping[str, Any],
+    lasting: files.Lasting = "name",
+) -> None:
+    """Writes arrays by name, with all digits, and JSON that describes them; no pickle.
+
+    Args:
+      path: ends in `.npz`; replaced at once.
+      arrays: of numbers; names tell units, such as `position_m`.
+      metadata: what JSON takes, and numpy and JAX numbers as numbers.
+      lasting: as for `files.replacing`.
+
+    Raises:
+      TypeError: an array of objects, which only pickle could write.
+    """
+    numbers = {name: np.asarray(array) for name, array in arrays.items()}
+    for name, array in numbers.items():
+        if array.dtype.hasobject or name == METADATA:
+            raise TypeError(f"{name}: an array of objects, or the name of the metadata")
+    text = json.dumps(files.plain(metadata))
+    with files.replacing(path, lasting) as scratch:
+        entries: dict[str, Any] = {**numbers, METADATA: np.asarray(text)}
+        np.savez(scratch, **entries)
