@@ -113,7 +113,7 @@ class Box:
 
 
 def _three(values: object, kind: type) -> bool:
-    """Whether these are three of a kind; a flag is not a number, and text is not a list."""
+    """True if these are three of a kind; a flag is not a number, and text is not a list."""
     return (
         isinstance(values, Iterable)
         and len(listed := list(values)) == 3

@@ -1,4 +1,4 @@
-"""What can be said against a call of `simulate` before it runs; concrete values only."""
+"""Argument checks of the ways to run, on concrete values."""
 
 import dataclasses
 import math
@@ -69,7 +69,7 @@ def of_run(state: Any, parameters: Any, box: Any) -> None:
 
 
 def numeric(value: Any) -> np.ndarray | None:
-    """What is given as a number or an array of them, known; None where it is traced.
+    """A number or an array of numbers as numpy has it; None where it is traced.
 
     Raises:
       ValueError: it is none.
@@ -318,7 +318,7 @@ def may_touch(
     travel: float | None,
     diameter: float,
 ) -> bool:
-    """Whether surfaces may come into contact while they approach each other by `travel`, m.
+    """True if surfaces may come into contact while they approach each other by `travel`, m.
 
     True where positions, (N, 3) in m, radius or travel are traced, None, or where a position is not
     finite. `radius` is () or (N,), in m; `diameter`, m, is about the largest contact diameter.

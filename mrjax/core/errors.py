@@ -9,7 +9,7 @@ LONGEST = 60
 
 
 class InputError(ValueError):
-    """What was given cannot be used; the message names the value, the fault and the remedy.
+    """An input that cannot be used; the message names the value, the fault and the remedy.
 
     It is one printable line of at most 400 characters, whatever it is made of.
     """

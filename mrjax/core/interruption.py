@@ -26,7 +26,7 @@ class StoppedError(BaseException):
 
 
 class Stop:
-    """Whether runs are to end: asked from any thread or signal, looked at after every piece."""
+    """A request to end runs, made from any thread or signal, looked at after every piece."""
 
     asked = False
 
@@ -42,7 +42,7 @@ class Stop:
 
 @contextmanager
 def interruptible() -> Iterator[Stop]:
-    """What Ctrl-C asks to stop; a second Ctrl-C does not wait.
+    """Turns Ctrl-C into a request to stop; a second Ctrl-C does not wait.
 
     Leaves signals alone outside the main thread, which none reaches, and where Ctrl-C is ignored.
 
@@ -92,7 +92,7 @@ def side_by_side(calls: Sequence[Callable[[], T]], threads: int, stop: Stop) -> 
 
 
 def results(futures: Sequence[Future[T]], stop: Stop) -> list[T]:
-    """What calls give, waited for as long as nothing asks to stop; raises as `side_by_side`."""
+    """Results of calls, waited for as long as nothing asks to stop; raises as `side_by_side`."""
     left = set(futures)
     while left:
         done, left = wait(left, timeout=LOOK)

@@ -14,7 +14,7 @@ from jax.typing import ArrayLike
 
 
 def evaluate_with_numpy(law: Callable, *arguments: Any) -> Any:
-    """What a law gives for these arguments, as numpy arrays.
+    """Evaluates a law of JAX with numpy; returns numpy arrays.
 
     Args:
       law: a function of JAX.

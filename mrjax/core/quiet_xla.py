@@ -14,7 +14,7 @@ MODULES = ("mrjax", "calibrate")
 
 
 def _is_command() -> bool:
-    """Whether this process was started as one of the two commands."""
+    """True if this process was started as one of the two commands."""
     program = sys.argv[0] if sys.argv else ""
     if program == "-m":  # until Python knows the module's path
         return sys.orig_argv[-len(sys.argv)].removeprefix("-m") in MODULES

@@ -1,4 +1,4 @@
-"""What the operating system refuses, said in one line: the file, the reason, the remedy."""
+"""Refusals of the operating system in one line: the file, the reason, the remedy."""
 
 import errno
 import subprocess

@@ -1,4 +1,4 @@
-"""Where the particles are: positions, velocities, spins; and particles put by hand."""
+"""The state of the particles: positions, velocities, spins, contact history; placed by hand."""
 
 from dataclasses import dataclass, field
 from numbers import Real

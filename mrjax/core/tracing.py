@@ -1,4 +1,4 @@
-"""Values that fix the shapes of a run must be known while it is traced; others need not be."""
+"""Concrete values of arguments that may be JAX tracers."""
 
 from collections.abc import Callable
 from typing import Any, TypeVar
@@ -27,7 +27,7 @@ def value_or_none(value: ArrayLike) -> np.ndarray | None:
 
 
 def is_concrete(tree: Any) -> bool:
-    """Whether all values are known, and what is computed with them is known at once."""
+    """True if no value is traced, and results computed with them are not either."""
     leaves = jax.tree.leaves(tree)
     traced = any(isinstance(leaf, jax.core.Tracer) for leaf in leaves)
     # Under a trace of jit constants become traced values, too.
@@ -46,7 +46,7 @@ def drop_tracers(tree: Tree) -> Tree:
 
 
 def evaluated_or_none(law: Callable, *arguments: Any) -> Any:
-    """What a law gives as numpy arrays; None where it hangs on a value that is traced.
+    """Evaluates a law; numpy arrays, or None where the result depends on a traced value.
 
     Args:
       law: of JAX or numpy.

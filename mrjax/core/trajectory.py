@@ -1,4 +1,4 @@
-"""Where all particles were at every recorded time of a run."""
+"""Positions, velocities and spins of all particles at every recorded time of a run."""
 
 from dataclasses import dataclass
 

@@ -11,7 +11,7 @@ MM_PER_DAY = 86400e3
 
 @dataclass(frozen=True)
 class Units:
-    """What one reduced unit is in SI.
+    """Reduced units, each as its value in SI.
 
     Plain floats, so that the factors are formed in double precision whatever the run's dtype:
     in single precision 1/d**8 of a micrometre particle is already infinite.

@@ -1,4 +1,4 @@
-"""What contacts remember: displacements along the tangent plane, turned with it, by partner's id.
+"""The history of contacts: tangential displacements, rotated with the plane, by partner's id.
 
 A neighbour list is rebuilt and its slots reordered many times during one contact. Memories are
 therefore found again by the id of the partner. Walls are partners with ids of their own.
@@ -19,7 +19,7 @@ from mrjax.laws.vectors import Vector, cross, dot, plus, times
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class PairHistory:
-    """What contacts remember, each as the first of its two surfaces sees it."""
+    """History of every pair, as the first of its two surfaces sees it."""
 
     sliding: Vector | None  # (3, P), or three scalars of one contact; None where no law reads it
     rolling: Vector | None
@@ -35,7 +35,7 @@ class ParticleHistory:
     rolling: Vector | None  # (S, N)
 
     def of(self, holder: Array, partner: Array) -> PairHistory:
-        """What the holders know of their partners, ids (P,); 0 of those they never met."""
+        """History of each (holder, partner) pair, ids (P,); zero without earlier contact."""
         # At most one slot knows each partner.
         same = self.partner[:, holder] == partner[None, :]
         slots = jnp.arange(len(same), dtype=holder.dtype)[:, None]
@@ -58,7 +58,7 @@ def pairs_from_particles(notes: ParticleHistory, listed: Pairs) -> PairHistory:
 
 
 def particles_from_pairs(memory: PairHistory, listed: Pairs) -> ParticleHistory:
-    """What both surfaces of every contact remember, in a slot of their own."""
+    """History of both surfaces of every pair, each in a slot of its own."""
 
     def both(vector: Vector | None) -> Vector | None:
         return None if vector is None else tuple(listed.seen(part, -part) for part in vector)
@@ -72,7 +72,7 @@ def particles_from_pairs(memory: PairHistory, listed: Pairs) -> ParticleHistory:
 
 
 def _ids(listed: Pairs) -> tuple[Array, Array]:
-    """Of the firsts and of the seconds, as `ContactHistory` has them; (P,) each."""
+    """Ids of the firsts and of the seconds, as `ContactHistory` has them; (P,) each."""
     walls = jnp.array(WALLS, listed.second.dtype)
     particles = listed.places.shape[1]
     wall = walls[jnp.maximum(listed.second - particles, 0)]

@@ -41,7 +41,7 @@ becomes faster still outruns the list, which is a fault of the run."""
 
 
 class Motion(NamedTuple):
-    """What one interval hands to the next, in reduced units."""
+    """The motion between two intervals, in reduced units."""
 
     pairs: Pairs
     origin: Array  # positions when the list was built, (3, N)
@@ -60,7 +60,7 @@ class Motion(NamedTuple):
 
 
 class Observed(NamedTuple):
-    """What is recorded of a motion at one time, in reduced units."""
+    """Observables of a motion at one time, in reduced units."""
 
     heights: Array  # (N,)
     descent: Array  # mean velocity, downwards, ()
@@ -79,7 +79,7 @@ class Observed(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What is known of a motion at its end, in reduced units."""
+    """Results of a whole motion, in reduced units."""
 
     history: ParticleHistory
     overlap: Array  # deepest, radii, ()
@@ -88,7 +88,7 @@ class Outcome(NamedTuple):
 
 
 class StepCoefficients(NamedTuple):
-    """What a step does to velocities and spins; () or (N,), gains (2,) or (2, N)."""
+    """Coefficients of a step for velocities and spins; () or (N,), gains (2,) or (2, N)."""
 
     keep: Array  # share of a velocity that drag leaves
     keep_spin: Array
@@ -97,7 +97,7 @@ class StepCoefficients(NamedTuple):
 
 
 class Steps(NamedTuple):
-    """What one step hands to the next."""
+    """The motion between two steps."""
 
     half_way: Array  # displacements since the list was built, in the middle of the step, (3, N)
     velocity: Array  # (3, N)
@@ -175,7 +175,7 @@ class Engine:
         )
 
     def observed(self, motion: Motion) -> Observed:
-        """What is recorded of a motion."""
+        """Observables of a motion."""
         speed = jnp.sqrt(lax.stop_gradient(_squares(motion.velocity)))
         trajectory = None
         if self.settings.trajectory:
@@ -282,7 +282,7 @@ class Engine:
         return pairs, origin, position - origin
 
     def _stale(self, motion: Motion) -> Array:
-        """Whether a particle may leave the skin before the end of the next interval."""
+        """True if a particle may leave the skin before the end of the next interval."""
         gone, speed = (
             jnp.sqrt(jnp.max(_squares(lax.stop_gradient(vectors))))
             for vectors in (motion.travelled, motion.velocity)

@@ -23,7 +23,7 @@ Noted = TypeVar("Noted")
 
 
 class Kick(NamedTuple):
-    """What one step does to a velocity: v -> keep v + gain F; shapes () or (N,)."""
+    """Coefficients of one step, v -> keep v + gain F; shapes () or (N,)."""
 
     keep: Array  # e^{-alpha dt}
     gain: Array  # (1 - e^{-alpha dt}) / gamma, s/kg

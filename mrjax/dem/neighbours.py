@@ -1,4 +1,4 @@
-"""Who may touch whom: jax-md's neighbour list, in the layout that the contact kernel reads.
+"""Neighbour list of jax-md, in the layout that the list of pairs reads.
 
 The list is rebuilt at fixed intervals and holds every pair within `cutoff`: what touches, plus a
 skin for what may come to touch before the next rebuild. Lengths are in the unit of the positions.
@@ -31,7 +31,7 @@ CELLS_OVERFULL = int(partition.PartitionErrorCode.CELL_LIST_OVERFLOW)
 
 @dataclass(frozen=True)
 class ListPlan:
-    """What fixes the shapes of a neighbour list: concrete numbers, never traced."""
+    """Shapes of a neighbour list: concrete numbers, never traced."""
 
     cutoff: float  # distance of centres up to which pairs are listed
     cell: float  # least edge of a search cell

@@ -42,7 +42,7 @@ class Pairs:
 
     @property
     def axis(self) -> Array:
-        """Of a wall's normal, 0 to 2; -1 where the second is a particle; (P,)."""
+        """Axis of a wall's normal, 0 to 2; -1 where the second is a particle; (P,)."""
         particles = self.places.shape[1]
         return jnp.where(self.second < particles, -1, (self.second - particles) // 2)
 
@@ -67,7 +67,7 @@ class Pairs:
         return nothing.at[self._ends].max(jnp.tile(of_pairs, 2), mode="drop")
 
     def seen(self, of_first: Array, of_second: Array, nothing: float = 0) -> Array:
-        """What belongs to its side of every pair of each particle, (P,) to (S, N)."""
+        """Values of pairs in the slots of each particle, from its side; (P,) to (S, N)."""
         end = jnp.full(1, nothing, of_first.dtype)
         return jnp.concatenate([of_first, of_second, end])[self.places]
 

@@ -1,4 +1,4 @@
-"""What is decided before a run: its schedule, its buffers and its laws, as one object."""
+"""The plan of a run, decided before it: its schedule, its buffers and its laws."""
 
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -17,7 +17,7 @@ from mrjax.laws.hindrance import Hindrance
 
 
 class System(NamedTuple):
-    """What moves, and where: the arguments of every run."""
+    """Particles, their laws and their container: the arguments of every run."""
 
     state: State
     parameters: Parameters
@@ -31,7 +31,7 @@ class System(NamedTuple):
 
 
 class Matter(NamedTuple):
-    """What the laws of a run read, in reduced units."""
+    """Parameters, materials and local drag of a run, in reduced units."""
 
     parameters: Parameters
     material: Array | None
@@ -40,7 +40,7 @@ class Matter(NamedTuple):
 
 @dataclass(frozen=True)
 class EngineSettings:
-    """What fixes the compiled program of an interval, in reduced units."""
+    """Static settings of the engine, which fix its compiled program; in reduced units."""
 
     box: Box
     neighbour_list: ListPlan
@@ -51,7 +51,7 @@ class EngineSettings:
 
 @dataclass(frozen=True)
 class RunPlan:
-    """What is decided before a run and fixes its compiled program."""
+    """The plan of a run; it fixes the compiled program."""
 
     duration: float  # s
     unit_length: float  # largest contact radius, m
@@ -78,7 +78,7 @@ class RunPlan:
         return Units(mass=1000.0 * length**3, length=length, time=self.time_step)
 
     def settings(self, box: Box) -> EngineSettings:
-        """Those of the engine, for a box in m."""
+        """Settings of the engine, for a box in m."""
         return EngineSettings(
             box.scaled(1 / self.unit_length),
             self.neighbour_list,

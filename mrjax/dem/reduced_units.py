@@ -53,7 +53,7 @@ def reduced_parameters(parameters: Parameters, units: Units, state: State) -> Pa
 def reduced(
     system: System, plan: RunPlan
 ) -> tuple[tuple[Array, Array, Array, ParticleHistory], Matter]:
-    """Where a run begins, as `reduced_state`, and what its laws read."""
+    """The start of a run, as `reduced_state`, and what its laws read."""
     slots = plan.neighbour_list.capacity + 2 * len(system.box.walled_axes)
     begin = reduced_state(system.state, plan.units, slots, plan.laws)
     parameters = reduced_parameters(system.parameters, plan.units, system.state)

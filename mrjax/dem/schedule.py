@@ -1,4 +1,4 @@
-"""How a run is cut into frames, intervals of the neighbour list, and steps.
+"""The schedule of a run: frames, intervals of the neighbour list, and steps.
 
 Concrete numbers only: they fix the shapes and lengths of the compiled loops.
 """
@@ -149,7 +149,7 @@ def greatest_speed(
 
 
 def _pull_and_relaxation(numbers: Parameters) -> tuple[ArrayLike, ArrayLike]:
-    """Of every particle, m/s^2 and s."""
+    """Acceleration by the net weight, m/s^2, and relaxation time, s, of every particle."""
     pull = particle.net_weight(numbers) / particle.inertia(numbers)
     return pull, time_scales.relaxation_time(numbers)
 

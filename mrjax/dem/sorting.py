@@ -1,4 +1,4 @@
-"""Particles in the order of where they are, so that those that meet lie side by side in memory.
+"""Sorts particles in space for cache locality: those that touch lie side by side in memory.
 
 A run takes them so and gives them back in their own order.
 """
@@ -19,7 +19,7 @@ SORT_FROM = 4096
 
 
 def spatial_order(position: Array, box: Box, edge: float) -> Array:
-    """Who stands at each place of a row through all cells, up through them, then y, then x; (N,).
+    """Order of the particles along z, then y, then x, cell by cell; ids, (N,).
 
     Args:
       position: centres, (N, 3) in m.

@@ -1,4 +1,4 @@
-"""Whether the contacts of a bed are stable at a step, from the bed itself."""
+"""Stability of the contacts of a bed at a step, from its own fastest mode."""
 
 from types import ModuleType
 from typing import NamedTuple
@@ -45,7 +45,7 @@ def estimate_mode(
     *,
     sliding: bool,
 ) -> ModeEstimate:
-    """How near these contacts are to instability at this step, in the unit of time.
+    """Estimates the fastest mode of these contacts, and how near it is to instability.
 
     A bed with stiffness A and dashpots C is stable at a step dt while the largest eigenvalue of
 

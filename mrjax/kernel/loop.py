@@ -40,7 +40,7 @@ class Operand:
         return prod(self.rows)
 
     def shape(self, particles: int, pairs: int) -> tuple[int, ...]:
-        """Of the array, for N particles and room for P pairs."""
+        """Shape of the array, for N particles and room for P pairs."""
         own = {Kind.PARTICLE: (particles,), Kind.PAIR: (pairs,), Kind.SHARED: ()}[self.kind]
         return self.rows + own
 
@@ -58,7 +58,7 @@ Slot = tuple[int, int, bool]
 
 
 def slots(leaves: tuple[Operand, ...]) -> list[Slot]:
-    """Of the scalars of one pair, in order: every leaf's rows, of the first and then the second."""
+    """Slots of the scalars of one pair, in order: every operand's rows, first and then second."""
     return [
         (index, row, of_second)
         for index, leaf in enumerate(leaves)
@@ -69,7 +69,7 @@ def slots(leaves: tuple[Operand, ...]) -> list[Slot]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PairLoop:
-    """What is done for every pair whose surfaces touch; others add nothing, and have zeros.
+    """A scalar law for every pair that passes the guard; others add nothing, and have zeros.
 
     All outputs are of one dtype. What takes an input's place keeps it where no pair is listed.
     """
@@ -89,7 +89,7 @@ class PairLoop:
         results: list[tuple[Kind, tuple[int, ...]]],
         memory: tuple[tuple[int, bool], ...] = (),
     ) -> "PairLoop":
-        """From functions of scalars to lists of them.
+        """Traces functions of scalars to lists of them.
 
         Args:
           law, guard: the functions.
@@ -139,11 +139,11 @@ class PairLoop:
         )
 
     def __eq__(self, other: object) -> bool:
-        """Whether it does the same, so that what is compiled for one serves the other."""
+        """True if both do the same, so that the program of one serves the other."""
         return isinstance(other, PairLoop) and self._content == other._content
 
     def __hash__(self) -> int:
-        """Of what it does."""
+        """Hash of what it does."""
         return hash(self._content)
 
     @cached_property

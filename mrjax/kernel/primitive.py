@@ -198,10 +198,10 @@ def _compiled(context, *operands, loop: PairLoop):
         codegen.registered(loop, particles, room),
         operand_output_aliases={3 + of.given: of.taken for of in loop.in_place},
     )
-    parts = codegen.parts(room)
-    if parts == 1:
+    chunks = codegen.chunk_count(room)
+    if chunks == 1:
         return lower(context, *operands)
-    apart = ShapedArray((parts, room_for_sums(loop.outputs, particles)), loop.outputs[0].dtype)
+    apart = ShapedArray((chunks, room_for_sums(loop.outputs, particles)), loop.outputs[0].dtype)
     *found, _ = lower(context.replace(avals_out=[*context.avals_out, apart]), *operands)
     return found
 

@@ -118,7 +118,7 @@ class _Trees:
 
     @property
     def dtype(self) -> DTypeLike:
-        """Of the results."""
+        """Dtype of the results."""
         return self.arrays[0].dtype
 
     @property

@@ -1,4 +1,4 @@
-"""Where the physics of a suspension leaves what the model assumes: three numbers and their bounds.
+"""Dimensionless numbers of a suspension, and the bounds within which the model holds.
 
 Re = rho_f v d / (f_v mu), of the coated particle   below 0.1: Stokes' drag within 2 % (Oseen 1910)
 St = v / (alpha R)                                  below 1: fluid has no memory of accelerations
@@ -37,7 +37,7 @@ class Number:
 
     @property
     def holds(self) -> str:
-        """Where the model holds, in words."""
+        """Bound of the model, in words."""
         return f"{'below' if self.at_most else 'above'} {self.bound:g}"
 
     @property

@@ -1,4 +1,4 @@
-"""What two surfaces in contact have in common: Eqs. 5, 6 and 8, and tables by material."""
+"""Effective properties of two surfaces in contact: Eqs. 5, 6 and 8, and tables by material."""
 
 from typing import Any, NamedTuple
 

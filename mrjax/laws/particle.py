@@ -16,7 +16,7 @@ ScalarT = TypeVar("ScalarT", float, Array)
 
 
 class CoatedParticle(NamedTuple):
-    """What contacts read of the coated particles; () or (N,)."""
+    """Radius and inertia of the coated particles; () or (N,)."""
 
     radius: Array  # f_r R, m
     inertia: Array  # mass and added mass, kg
@@ -89,7 +89,7 @@ def coating_thickness(parameters: Parameters) -> Array:
 
 
 def rises(parameters: Parameters) -> Array:
-    """Whether the net weights of all particles together point upwards, (): they cream."""
+    """True if the net weights of all particles together point upwards, (): they cream."""
     return jnp.sum(net_weight(parameters)) < 0.0
 
 

@@ -1,4 +1,4 @@
-"""How long a step may be (Son 2018, section 2.5, and the stability of the exponential leapfrog).
+"""Time scales and stable steps (Son 2018, section 2.5; stability of the exponential leapfrog).
 
 Every function takes `Parameters` and works in any coherent unit; times are in s for SI.
 """

@@ -1,4 +1,4 @@
-"""What is to be expected of a run to rest before it begins: how long it takes, by which steps."""
+"""Estimates of a run to rest before it begins: its duration and its steps."""
 
 from functools import partial
 from typing import NamedTuple
@@ -36,14 +36,14 @@ TRACED = "the parameters are traced by jit or vmap; settle cannot be"
 
 
 class Way(NamedTuple):
-    """How far the interfaces of a suspension are from where they may come to rest, at most; m."""
+    """Greatest distances of the interfaces of a suspension from where they may rest; m."""
 
     down: float  # the top of the highest particle that sinks, above the floor
     up: float  # the bottom of the lowest particle that rises, below the lid
 
 
 def ways(numbers: Parameters, box: Box, centres: ArrayLike) -> Way:
-    """Of particles at these centres, (N, 3) in m; 0 where none sinks or none rises.
+    """Distances for particles at these centres, (N, 3) in m; 0 where none sinks or none rises.
 
     Raises:
       InputError: centres or parameters that are traced.
@@ -151,7 +151,7 @@ def _felt(hindrance: Hindrance, share: float) -> np.ndarray:
 
 
 def _stable(numbers: Parameters, overlap: float) -> float:
-    """Of a random bed with this deepest overlap, m, that a dry impact is resolved by, too; s.
+    """Stable step of a random bed of this deepest overlap, m, that resolves a dry impact, too; s.
 
     Raises:
       InputError: parameters that are traced.
@@ -182,7 +182,7 @@ def _falling(numbers: Parameters, particles: int) -> tuple[Array, ...]:
 
 
 def _overlaps(numbers: Parameters, box: Box, particles: int, falling: float) -> tuple[Array, ...]:
-    """Of the bed, of a single particle on another and of an impact, m; the volume fraction."""
+    """Overlaps of the bed, of one particle on another and of an impact, m; volume fraction."""
     radius = per_particle(particle.outer_radius(numbers), particles)
     return (
         softening.resting_overlap(numbers, box, particles),

@@ -1,4 +1,4 @@
-"""Where a run went wrong: when, and which particle, found by repeating the part that failed.
+"""Finds when and with which particle a run went wrong, by repeating the part that failed.
 
 A good run pays nothing for it. The part is repeated in ever shorter pieces down to a single step,
 whose positions are then looked at, spoilt as they are.
@@ -80,7 +80,7 @@ class _Span:
 
     @property
     def ends(self) -> float:
-        """Of the piece, s."""
+        """End of the piece, s."""
         return self.begins + self.plan.duration
 
 

@@ -1,4 +1,4 @@
-"""How far contacts may overlap in a bed at rest, in contact radii."""
+"""Greatest overlaps of contacts in a bed at rest, in contact radii."""
 
 OVERLAP = 0.025
 """With half of it, 314 particles rest as high but for the standard error of six starts; with twice

@@ -61,7 +61,7 @@ class _Pace:
 
 
 class Place(NamedTuple):
-    """How far a run has come."""
+    """The place in a run that it has reached."""
 
     motion: Motion
     frame: int  # frames that are complete

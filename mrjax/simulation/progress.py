@@ -1,4 +1,4 @@
-"""What a long call says of itself: before it begins, and while it goes on."""
+"""Messages of a long call: a notice before it begins, a progress bar while it runs."""
 
 import logging
 from collections.abc import Callable, Iterator
@@ -14,7 +14,7 @@ _log = logging.getLogger("mrjax.progress")
 
 
 def expected_seconds(steps: float, particles: int) -> float:
-    """How long steps take on one core of a processor of 2024, about, s.
+    """Expected time of steps on one core of a processor of 2024, s.
 
     A step costs 2 us and 80 ns a particle in a bed; a suspension takes half of it
     (`python -m tests.studies.benchmarks.speed`).

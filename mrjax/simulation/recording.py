@@ -1,4 +1,4 @@
-"""What a run in pieces has recorded: rows of observables, in SI, and how they go to disk."""
+"""The record of a run in pieces: rows of observables, in SI, and their arrays on disk."""
 
 from collections.abc import Mapping
 from typing import Any, TypeVar

@@ -1,4 +1,4 @@
-"""From a lab sheet to the whole sedimentation curve, of one random start or an ensemble."""
+"""The whole sedimentation curve of a lab sheet, of one random start or an ensemble."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -109,7 +109,7 @@ def sedimentation(
 
 
 def standard_error(values: Array) -> Array:
-    """Of the mean over the first axis, (M, ...) to (...); not a number for a single one."""
+    """Standard error of the mean over the first axis, (M, ...) to (...); NaN for a single one."""
     count = values.shape[0]
     spread = jnp.sqrt(jnp.sum((values - jnp.mean(values, axis=0)) ** 2, axis=0))
     return spread / jnp.sqrt(count * (count - 1.0)) if count > 1 else jnp.nan * spread

@@ -101,7 +101,7 @@ def settle(
 
 @dataclass(frozen=True)
 class _Settling:
-    """What is expected of a settling suspension, and when it rests."""
+    """Estimates for a settling suspension, and its criterion of rest."""
 
     interval: float  # between frames, s
     steps: float  # to rest, about
@@ -114,7 +114,7 @@ class _Settling:
 def _expected(
     systems: list[System], options: RunOptions, frames: int, rest: float, longest: float | None
 ) -> _Settling:
-    """What is expected of these suspensions.
+    """Estimates for these suspensions.
 
     Raises:
       InputError: an argument that cannot be used, or suspensions that do not settle.
@@ -237,7 +237,7 @@ def _until_rest(
 
 
 def _rests(pieces: PiecewiseRun, settling: _Settling, bar: tqdm) -> bool:
-    """Whether the particles rest by now; updates the progress bar.
+    """True if the particles rest by now; updates the progress bar.
 
     Raises:
       SimulationError: they still move after the longest time.

@@ -75,7 +75,7 @@ def simulate(
 
 
 def _is_plain(system: System) -> bool:
-    """Whether nothing is traced, neither an argument nor what a hindrance closes over."""
+    """True if nothing is traced, neither an argument nor what a hindrance closes over."""
     hindrance = system.hindrance
     closed_over = hindrance and not jax.tree.leaves(hindrance)
     value = hindrance(BED_FRACTION) if hindrance and closed_over else None
@@ -97,5 +97,5 @@ def _traced(system: System, plan: RunPlan) -> Run:
 
 
 def _values(tree: Any) -> Any:
-    """What a differentiated call carries, without what it differentiates."""
+    """Values of a differentiated call, without derivatives."""
     return jax.tree.map(lambda leaf: jnp.asarray(value_or_none(leaf)), tree)

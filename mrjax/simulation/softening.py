@@ -93,7 +93,7 @@ def _factor(numbers: Parameters, box: Box, particles: int, overlap: float) -> Ar
 
 
 def _idle(numbers: Parameters, overlap: float) -> Array:
-    """Whether all dashpots are lost beside the drag at this overlap, in contact radii; ()."""
+    """True if all dashpots are lost beside the drag at this overlap, in contact radii; ()."""
     dashpots = time_scales.dashpots(numbers, overlap * jnp.max(particle.outer_radius(numbers)))
     return jnp.all(dashpots < IDLE * drag.coefficient(numbers))
 

@@ -98,7 +98,7 @@ def test_parts_add_up_to_the_whole(monkeypatch, kind, dtype):
         in_parts(monkeypatch, several)
         function = jax.jit(everything(listed(kind)))
         text = function.lower(given(dtype=dtype), changes).as_text()
-        assert (f"tensor<{codegen.PARTS}x" in text) == several
+        assert (f"tensor<{codegen.CHUNKS}x" in text) == several
         found[several] = function(given(dtype=dtype), changes)
     for one, other in zip(*(jax.tree.leaves(found[of]) for of in (True, False)), strict=True):
         # Sums of up to 3000 numbers, taken in another order.

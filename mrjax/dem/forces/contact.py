@@ -57,7 +57,7 @@ def active_laws(parameters: Parameters) -> ActiveLaws:
 
 
 class ContactForces(NamedTuple):
-    """What its contacts exert on every particle at one moment, and their history."""
+    """Contact forces and torques on every particle at one moment, and the contact history."""
 
     force: Array  # N, times the gain, (3, N)
     torque: Array  # N m, times the gain, (3, N)
@@ -127,7 +127,7 @@ class _Shared(NamedTuple):
 
 
 class _Memory(NamedTuple):
-    """What a pair remembers."""
+    """Memory of every pair."""
 
     history: PairHistory
     deepest: Array
@@ -189,7 +189,7 @@ class _ContactsOfList:
     def _touch(
         self, first: _Particles, second: _Particles, pair: _Pairs, shared: _Shared, _: _Memory
     ) -> Array:
-        """Whether the surfaces overlap."""
+        """True if the surfaces overlap."""
         particle, partner = self._state(first, shared), self._state(second, shared)
         between = separation(particle, partner, pair.separation, pair.axis)
         reach = particle.radius + jnp.where(pair.axis < 0, partner.radius, 0.0)
@@ -198,7 +198,7 @@ class _ContactsOfList:
     def _law(
         self, first: _Particles, second: _Particles, pair: _Pairs, shared: _Shared, memory: _Memory
     ) -> tuple[dict[str, Vector], dict[str, Vector], _Memory]:
-        """What a pair adds to both velocities and spins, and what it remembers."""
+        """Force and torque of a pair on both particles, times their gains, and its new memory."""
         particle, partner = self._state(first, shared), self._state(second, shared)
         properties = self.properties.of_pair(shared.properties, pair.properties, pair.axis)
         kinematics = pair_kinematics(particle, partner, pair.separation, pair.axis)

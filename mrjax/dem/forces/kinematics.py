@@ -1,4 +1,4 @@
-"""How two surfaces move against each other: the geometry and motion of one pair.
+"""Kinematics of a pair: how two surfaces move against each other.
 
 Vectors are kept apart by component; (P,) for P pairs, or scalars of one.
 """

@@ -1,6 +1,6 @@
-"""A loop over pairs in parts, each with sums of its own, which are added up in the parts' order.
+"""A loop over pairs in chunks, each with sums of its own, which are added up in the chunks' order.
 
-A part has room for all particles, but clears, fills and hands on only from the first to the last
+A chunk has room for all particles, but clears, fills and hands on only from the first to the last
 that its pairs name. In a list in the order of particles, which are in some order in space, these
 are few.
 """
@@ -13,24 +13,24 @@ from .threads import word
 
 
 def room_for_sums(outputs: tuple[Operand, ...], particles: int) -> int:
-    """Numbers that one part sums."""
+    """Numbers that one chunk sums."""
     return sum(leaf.width * _length(leaf, particles) for leaf in _sums(outputs))
 
 
-def stages(
-    loop: PairLoop, body: ir.Function, parts: int, particles: int, room: int
+def chunk_stages(
+    loop: PairLoop, body: ir.Function, chunks: int, particles: int, room: int
 ) -> list[ir.Function]:
-    """Functions of the words of a job and the number of a part: its pairs, and its share of sums.
+    """Functions of the words of a job and the number of a chunk: its pairs, and its share of sums.
 
-    The words are the addresses of arrays that `body` takes, that of room for the sums of all parts,
-    and the number of pairs; then they keep which particles the parts name.
+    The words are the addresses of arrays that `body` takes, that of room for the sums of all
+    chunks, and the number of pairs; then they keep which particles the chunks name.
     """
     module = body.module
-    some = _Stage(loop, module, "some", parts, particles, room)
+    some = _Stage(loop, module, "some", chunks, particles, room)
     some.pairs(body)
     if not _sums(loop.outputs):
         return [some.function]
-    added = _Stage(loop, module, "added", parts, particles, room)
+    added = _Stage(loop, module, "added", chunks, particles, room)
     added.sums()
     return [some.function, added.function]
 
@@ -51,15 +51,15 @@ class _Stage:
         loop: PairLoop,
         module: ir.Module,
         name: str,
-        parts: int,
+        chunks: int,
         particles: int,
         room: int,
     ):
         kind = ir.FunctionType(ir.VoidType(), [POINTER, LONG])
         self.function = ir.Function(module, kind, name)
         self.function.linkage = "internal"
-        self.loop, self.parts = loop, parts
-        self.words, self.part = self.function.args
+        self.loop, self.chunks = loop, chunks
+        self.words, self.chunk = self.function.args
         self.build = build = ir.IRBuilder(self.function.append_basic_block())
         self.outputs, arrays = 3 + len(loop.inputs), 3 + len(loop.inputs + loop.outputs)
         self.number = TYPES[loop.outputs[0].dtype]
@@ -71,26 +71,26 @@ class _Stage:
         self.apart = of(arrays, POINTER)
         self.listed = of(arrays + 1, LONG)
         self.particles, self.room = particles, room
-        self.lows, self.highs = arrays + 2, arrays + 2 + parts
+        self.lows, self.highs = arrays + 2, arrays + 2 + chunks
 
     def pairs(self, body: ir.Function) -> None:
-        """The loop over the pairs of this part."""
+        """The loop over the pairs of this chunk."""
         build = self.build
         begin, end = self.share(self.listed)
         low, high = self.named(begin, end)
-        build.store(low, word(build, self.words, build.add(LONG(self.lows), self.part)))
-        build.store(high, word(build, self.words, build.add(LONG(self.highs), self.part)))
-        last = build.icmp_signed("==", self.part, LONG(self.parts - 1))
+        build.store(low, word(build, self.words, build.add(LONG(self.lows), self.chunk)))
+        build.store(high, word(build, self.words, build.add(LONG(self.highs), self.chunk)))
+        last = build.icmp_signed("==", self.chunk, LONG(self.chunks - 1))
         past = build.select(last, LONG(self.room), end)
         arrays = list(self.arrays)
         for index, leaf in enumerate(self.loop.outputs):
             if leaf.kind is not Kind.PAIR:
-                arrays[self.outputs + index] = self.place(self.part, index)
+                arrays[self.outputs + index] = self.place(self.chunk, index)
         build.call(body, [*arrays, begin, end, past, low, high])
         build.ret_void()
 
     def sums(self) -> None:
-        """What the parts found for this part's share of the particles, and for all."""
+        """Adds up the chunks' sums, for this chunk's share of the particles and for all."""
         build = self.build
         begin, end = self.share(LONG(self.particles))
         outputs = list(enumerate(self.loop.outputs))
@@ -98,30 +98,30 @@ class _Stage:
         of_all = [index for index, leaf in outputs if leaf.kind is Kind.SHARED]
         for index in of_particles:
             self.clear(index, begin, end)
-        with counted(build, LONG(0), LONG(self.parts)) as part:
+        with counted(build, LONG(0), LONG(self.chunks)) as chunk:
             low, high = (
-                build.load(word(build, self.words, build.add(LONG(of), part)), typ=LONG)
+                build.load(word(build, self.words, build.add(LONG(of), chunk)), typ=LONG)
                 for of in (self.lows, self.highs)
             )
             low = build.select(build.icmp_signed(">", low, begin), low, begin)
             high = build.select(build.icmp_signed("<", high, end), high, end)
             for index in of_particles:
-                self.add(index, part, low, high)
+                self.add(index, chunk, low, high)
         if of_all:
-            with build.if_then(build.icmp_signed("==", self.part, LONG(0))):
+            with build.if_then(build.icmp_signed("==", self.chunk, LONG(0))):
                 for index in of_all:
                     self.clear(index, LONG(0), LONG(1))
-                with counted(build, LONG(0), LONG(self.parts)) as part:
+                with counted(build, LONG(0), LONG(self.chunks)) as chunk:
                     for index in of_all:
-                        self.add(index, part, LONG(0), LONG(1))
+                        self.add(index, chunk, LONG(0), LONG(1))
         build.ret_void()
 
     def share(self, number: ir.Value) -> tuple[ir.Value, ir.Value]:
-        """Begin and end of this part of so many."""
+        """Begin and end of this chunk of so many."""
         build = self.build
-        after = build.add(self.part, LONG(1))
+        after = build.add(self.chunk, LONG(1))
         return tuple(
-            build.sdiv(build.mul(number, edge), LONG(self.parts)) for edge in (self.part, after)
+            build.sdiv(build.mul(number, edge), LONG(self.chunks)) for edge in (self.chunk, after)
         )
 
     def named(self, begin: ir.Value, end: ir.Value) -> tuple[ir.Value, ir.Value]:
@@ -146,16 +146,16 @@ class _Stage:
                 keep(high, ">", build.select(wall, INT(0), build.add(named, INT(1))))
         return tuple(build.sext(build.load(place, typ=INT), LONG) for place in (low, high))
 
-    def place(self, part: ir.Value, output: int) -> ir.Value:
-        """Of the sums of a part that belong to an output."""
+    def place(self, chunk: ir.Value, output: int) -> ir.Value:
+        """Address of the sums of a chunk that belong to an output."""
         build, loop = self.build, self.loop
         before = room_for_sums(loop.outputs[:output], self.particles)
-        of_parts = build.mul(part, LONG(room_for_sums(loop.outputs, self.particles)))
-        numbers = build.add(of_parts, LONG(before))
+        of_chunks = build.mul(chunk, LONG(room_for_sums(loop.outputs, self.particles)))
+        numbers = build.add(of_chunks, LONG(before))
         return build.gep(self.apart, [numbers], source_etype=self.number)
 
     def rows(self, output: int, array: ir.Value) -> list[ir.Value]:
-        """Where the rows of an output begin, in the array itself or in a part's."""
+        """Addresses of the rows of an output, in the array itself or in a chunk's."""
         leaf = self.loop.outputs[output]
         steps = (LONG(row * _length(leaf, self.particles)) for row in range(leaf.width))
         return [self.build.gep(array, [step], source_etype=self.number) for step in steps]
@@ -166,9 +166,9 @@ class _Stage:
                 at = self.build.gep(row, [index], source_etype=self.number)
                 self.build.store(self.number(0.0), at)
 
-    def add(self, output: int, part: ir.Value, begin: ir.Value, end: ir.Value) -> None:
+    def add(self, output: int, chunk: ir.Value, begin: ir.Value, end: ir.Value) -> None:
         into = self.rows(output, self.arrays[self.outputs + output])
-        found = self.rows(output, self.place(part, output))
+        found = self.rows(output, self.place(chunk, output))
         for rows in zip(into, found, strict=True):
             with counted(self.build, begin, end) as index:
                 places = [self.build.gep(row, [index], source_etype=self.number) for row in rows]

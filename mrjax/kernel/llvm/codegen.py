@@ -16,14 +16,14 @@ from llvmlite import binding, ir
 
 from ..loop import Kind, Operand, PairLoop, Slot, slots
 from . import threads
-from .chunks import stages
-from .jaxpr import FREE, INT, LONG, POINTER, TYPES, counted, translated
-from .xla_ffi import NULL, Frame
+from .chunks import chunk_stages
+from .jaxpr import FREE, INT, LONG, POINTER, TYPES, counted, translate
+from .xla_ffi import NULL, CallFrame
 
 VECTOR, LINEAR = 32, 64
 """Bytes of a vector in which pairs are taken together: four in double precision, and eight in loops
 that are linear in changes, as those that go backwards are, which was faster."""
-PARTS = 8
+CHUNKS = 8
 """Into which a long list is divided; the same for any number of threads, and so are the sums."""
 LONG_LIST = 16_384
 """Pairs from which on that pays."""
@@ -33,20 +33,20 @@ _lock = Lock()
 
 
 def _lanes(loop: PairLoop) -> int:
-    """How many pairs are taken together."""
+    """Number of pairs that are taken together."""
     return loop.lanes(LINEAR if loop.linear else VECTOR)
 
 
-def parts(room: int) -> int:
-    """Into how many parts a list with room for so many pairs is divided."""
-    return PARTS if room >= LONG_LIST else 1
+def chunk_count(room: int) -> int:
+    """Number of chunks of a list with room for so many pairs."""
+    return CHUNKS if room >= LONG_LIST else 1
 
 
 @cache
 def registered(loop: PairLoop, particles: int, room: int) -> str:
     """The name under which XLA finds the compiled loop: the same in every process.
 
-    In parts it has one result more, of `chunks.room_for_sums` for each, which means nothing.
+    A chunked loop has one extra scratch output, of `chunks.room_for_sums` for each; ignore it.
 
     Args:
       loop: the loop.
@@ -90,7 +90,7 @@ def _compiled(source: str) -> binding.ExecutionEngine:
 
 
 def _module(loop: PairLoop, particles: int, room: int) -> ir.Module:
-    """The law for some pairs, the loop over all or a part, and the handler that XLA calls."""
+    """The law for some pairs, the loop over all or a chunk, and the handler that XLA calls."""
     module = ir.Module("pairs")
     operands = 3 + len(loop.inputs)
     pointers = [POINTER] * (operands + len(loop.outputs))
@@ -116,15 +116,15 @@ def _module(loop: PairLoop, particles: int, room: int) -> ir.Module:
 
     handler = ir.Function(module, ir.FunctionType(POINTER, [POINTER]), "handler")
     build = ir.IRBuilder(handler.append_basic_block())
-    frame = Frame(build, handler.args[0])
-    number = parts(room)
+    frame = CallFrame(build, handler.args[0])
+    number = chunk_count(room)
     data = frame.buffers(operands, len(loop.outputs) + (number > 1))
     listed = build.sext(build.load(data[2], typ=INT), LONG)
     listed = build.select(build.icmp_signed("<", listed, shape[1]), listed, shape[1])
     if number == 1:
         build.call(body, [*data, LONG(0), listed, shape[1], LONG(0), shape[0]])
     else:
-        both = stages(loop, body, number, particles, room)
+        both = chunk_stages(loop, body, number, particles, room)
         threads.run(frame, both, number, [*data, listed], spare=2 * number)
     build.ret(NULL)
     return module
@@ -175,7 +175,7 @@ class _Body:
         for number in range(len(over_all)):
             build.store(nothing, self.sum(sums, number, nothing.type))
         with counted(build, begin, end) as pair:
-            (touching,) = translated(build, loop.guard, _Reader(self, pair), None)
+            (touching,) = translate(build, loop.guard, _Reader(self, pair), None)
             with build.if_else(touching) as (near, apart):
                 with near:
                     so_far = build.load(met, typ=LONG)
@@ -229,7 +229,7 @@ class _Body:
                 whole = build.insert_element(whole, reader(scalar), INT(lane))
             return whole
 
-        values = translated(build, loop.law, read, lanes)
+        values = translate(build, loop.law, read, lanes)
         results = list(zip(slots(loop.outputs), values, strict=True))
         new = self.below(count, lanes)
         for number, whole in enumerate(value for at, value in results if self.over_all(at)):
@@ -256,7 +256,7 @@ class _Body:
         return self.build.gep(sums, [LONG(number)], source_etype=of)
 
     def below(self, count: ir.Value, lanes: int) -> ir.Value:
-        """Of each lane, whether its number is below the count."""
+        """A bit a lane: whether its number is below the count."""
         counts = ir.VectorType(LONG, lanes)(ir.Undefined)
         for lane in range(lanes):
             counts = self.build.insert_element(counts, count, INT(lane))

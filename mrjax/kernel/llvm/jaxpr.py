@@ -48,7 +48,7 @@ def counted(build: ir.IRBuilder, begin: ir.Value, end: ir.Value) -> Iterator[ir.
     build.position_at_end(after)
 
 
-def translated(
+def translate(
     build: ir.IRBuilder,
     closed: ClosedJaxpr,
     read: Callable[[int], ir.Value],
@@ -78,7 +78,7 @@ def translated(
     for equation in closed.jaxpr.eqns:
         inner = next((equation.params[k] for k in INNER if k in equation.params), None)
         if inner is not None:
-            results = translated(build, inner, partial(_nth, of, equation.invars), lanes)
+            results = translate(build, inner, partial(_nth, of, equation.invars), lanes)
         else:
             given = [of(atom) for atom in equation.invars]
             results = [_operation(build, equation, given, lanes)]

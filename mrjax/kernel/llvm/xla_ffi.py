@@ -17,8 +17,8 @@ DESTROY_ERROR, SCHEDULE, NUMBER_OF_THREADS = 64, 136, 144
 MAJOR_VERSION = 0
 
 
-class Frame:
-    """What a handler is given: arrays, and XLA's threads."""
+class CallFrame:
+    """The call frame of a handler: arrays, and XLA's threads."""
 
     def __init__(self, build: ir.IRBuilder, pointer: ir.Value):
         self.build, self.pointer = build, pointer
@@ -26,12 +26,12 @@ class Frame:
         extension = self._at(pointer, EXTENSION)
         with build.if_then(build.icmp_unsigned("!=", extension, NULL)):
             metadata = self._at(extension, METADATA)
-            build.store(INT(MAJOR_VERSION), moved(build, metadata, MAJOR))
-            build.store(INT(_minor_version()), moved(build, metadata, MINOR))
+            build.store(INT(MAJOR_VERSION), byte_offset(build, metadata, MAJOR))
+            build.store(INT(_minor_version()), byte_offset(build, metadata, MINOR))
             build.ret(NULL)
 
     def buffers(self, arguments: int, results: int) -> list[ir.Value]:
-        """Where the numbers of so many arguments and results are."""
+        """Addresses of the numbers of so many arguments and results."""
         places = self._at(self.pointer, ARGUMENTS), self._at(self.pointer, RESULTS)
         return [
             self._at(self._at(place, 8 * i), DATA)
@@ -40,7 +40,7 @@ class Frame:
         ]
 
     def threads(self) -> ir.Value:
-        """How many XLA computes with; 1 where it does not say."""
+        """Number of threads that XLA computes with; 1 where it does not say."""
         number = self.build.alloca(LONG)
         self.build.store(LONG(1), number)
         self._asked(NUMBER_OF_THREADS, number)
@@ -69,18 +69,20 @@ class Frame:
         size = 8 * (2 + len(members))
         struct = self.build.alloca(LONG, size // 8)
         for place, member in enumerate((LONG(size), NULL, *members)):
-            self.build.store(as_word(self.build, member), moved(self.build, struct, 8 * place))
+            self.build.store(
+                as_word(self.build, member), byte_offset(self.build, struct, 8 * place)
+            )
         return struct
 
     def _at(self, base: ir.Value, offset: int, kind: ir.Type = POINTER) -> ir.Value:
-        return self.build.load(moved(self.build, base, offset), typ=kind)
+        return self.build.load(byte_offset(self.build, base, offset), typ=kind)
 
 
 NULL = ir.Constant(POINTER, None)
 FROM_STRUCT = ir.FunctionType(POINTER, [POINTER]).as_pointer()
 
 
-def moved(build: ir.IRBuilder, base: ir.Value, offset: int) -> ir.Value:
+def byte_offset(build: ir.IRBuilder, base: ir.Value, offset: int) -> ir.Value:
     """So many bytes on."""
     return build.gep(base, [LONG(offset)], source_etype=ir.IntType(8))
 
