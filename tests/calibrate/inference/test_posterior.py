@@ -75,6 +75,22 @@ def test_one_value_of_chains_that_do_not_agree_is_enough(spoil):
     assert not called(draws).converged
 
 
+@pytest.mark.parametrize(
+    "r_hat, effective, divergences, converged",
+    [
+        ([1.009, 1.009], [401.0, 401.0], 0, True),
+        ([1.0, 1.011], [500.0, 500.0], 0, False),
+        ([1.011, 1.0], [500.0, 500.0], 0, False),
+        ([1.0, 1.0], [500.0, 399.0], 0, False),
+        ([1.0, 1.0], [500.0, 500.0], 1, False),
+    ],
+)
+def test_all_numbers_of_all_values_have_to_pass(r_hat, effective, divergences, converged):
+    drawn = np.exp(normal()).reshape(-1, 2)
+    numbers = np.array(r_hat), np.array(effective), divergences
+    assert Posterior(("a", "b"), drawn, *numbers).converged == converged
+
+
 def test_r_hat_is_that_of_its_definition():
     """Of two chains of four draws, split in two: by hand from the ranks 1 to 8."""
     draws = np.array([[1.0, 2.0, 5.0, 6.0], [3.0, 4.0, 7.0, 8.0]])[:, :, None]

@@ -1,0 +1,86 @@
+"""Kinks told from smooth bends, and the steps and simplex that look for them."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import calibrate
+from calibrate import LogNormal
+from calibrate.least_squares import kinks
+from calibrate.least_squares.evaluator import Evaluator, progress_bar
+from calibrate.least_squares.programs import Given, compiled
+from calibrate.least_squares.unknowns import unknowns
+
+
+def evaluator_of(residuals, start, bounds=None):
+    unknown = unknowns(start, {}, bounds or {})
+    programs = compiled(residuals, unknown.structure, unknown.shapes, (), None, True)
+    given = Given(None, np.zeros(0), np.zeros(0))
+    return Evaluator(programs, given, unknown.box, progress_bar(False))
+
+
+def curved(theta):
+    """Slopes that change evenly: a third as much at a third of the distance."""
+    x = jnp.log(theta["a"])
+    return jnp.stack([2.0 * x + 1.5 * x**2, 0.3 + 0.0 * x])
+
+
+def steep(theta):
+    """Slopes that change with the square of the distance: a ninth as much."""
+    x = jnp.log(theta["a"])
+    return jnp.stack([2.0 * x + 4.0 * x * jnp.abs(x) * x, 0.3 + 0.0 * x])
+
+
+def kinked(theta):
+    x = jnp.log(theta["a"])
+    return jnp.stack([jnp.where(x < 0.0, -2.0 * x, 0.5 * x) + 1.0])
+
+
+@pytest.mark.parametrize("residuals, jump", [(curved, False), (steep, False), (kinked, True)])
+def test_slopes_jump_on_a_kink_alone(residuals, jump):
+    evaluator = evaluator_of(residuals, {"a": 1.0})
+    found, runs = kinks._jumps(evaluator, evaluator.at(np.zeros(1)))
+    assert (found, runs) == (jump, 4)
+
+
+def test_steps_of_one_standard_error_are_as_long_as_the_errors():
+    """Errors of 0.1 and 0.25 along two directions; none is longer than a factor of a thousand."""
+
+    def residuals(theta):
+        a, b = jnp.log(theta["a"]), jnp.log(theta["b"])
+        return jnp.stack([10.0 * (0.6 * a + 0.8 * b), 4.0 * (0.8 * a - 0.6 * b)])
+
+    evaluator = evaluator_of(residuals, {"a": 1.0, "b": 1.0})
+    steps = kinks._standard_error_steps(evaluator.at(np.zeros(2)))
+    np.testing.assert_allclose(np.linalg.norm(steps, axis=0), [0.1, 0.25], rtol=1e-12)
+    np.testing.assert_allclose(np.abs(steps[:, 0]), [0.06, 0.08], rtol=1e-12)
+    weak = evaluator_of(lambda theta: 1e-3 * jnp.log(theta["a"])[None], {"a": 1.0})
+    (longest,) = kinks._standard_error_steps(weak.at(np.zeros(1))).T
+    np.testing.assert_allclose(np.abs(longest), kinks.LONGEST_ERROR)
+
+
+def test_a_simplex_keeps_within_bounds_and_finds_the_least():
+    def residuals(theta):
+        return jnp.stack([jnp.abs(jnp.log(theta["a"])) + 1.0])
+
+    evaluator = evaluator_of(residuals, {"a": 1.5}, {"a": (1.2, 3.0)})
+    result, logs = kinks._simplex(evaluator, evaluator.at(np.log([1.5])), 0.5)
+    assert np.exp(logs[0]) == pytest.approx(1.2, rel=1e-9)
+    assert result.fun == pytest.approx((1.0 + np.log(1.2)) ** 2, rel=1e-9)
+
+
+@pytest.mark.parametrize("pull, told", [(0.65, True), (0.4, False)])
+def test_other_optima_are_told_from_a_half_on(pull, told):
+    """Two valleys, at ln a = -1 and nearly 1, whose losses are about 2 pull^2 apart."""
+
+    def valleys(theta):
+        log = jnp.log(theta["a"])
+        return jnp.stack([10.0 * (log**2 - 1.0), pull * (log + 1.0)])
+
+    prior = {"a": LogNormal(1.0, 3.0)}
+    fit = calibrate.fit(valleys, {"a": 2.5}, priors=prior, starts=8)
+    assert np.log(fit.values[0]) == pytest.approx(-1.0, abs=0.02)
+    assert bool(fit.other_optima) == told
+    for loss, values in fit.other_optima:
+        assert loss - fit.loss[-1] == pytest.approx(2.0 * pull**2, rel=0.05)
+        assert np.log(values[0]) == pytest.approx(1.0, abs=0.02)
