@@ -214,7 +214,7 @@ class Parameters:
             self,
             **{
                 quantity.name: getattr(self, quantity.name)
-                * (1.0 / units.of(quantity.metadata["dimension"]))
+                * (1.0 / units.scale(quantity.metadata["dimension"]))
                 for quantity in dataclasses.fields(self)
             },
         )

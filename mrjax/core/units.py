@@ -21,7 +21,7 @@ class Units:
     length: float  # m
     time: float  # s
 
-    def of(self, dimension: tuple[int, int, int]) -> float:
+    def scale(self, dimension: tuple[int, int, int]) -> float:
         """SI value of one reduced unit of kg^a m^b s^c, for dimension (a, b, c)."""
         mass, length, time = dimension
         return self.mass**mass * self.length**length * self.time**time

@@ -1,6 +1,6 @@
 """The history of contacts: tangential displacements, rotated with the plane, by partner's id.
 
-A neighbour list is rebuilt and its slots reordered many times during one contact. Memories are
+A neighbour list is rebuilt and its slots reordered many times during one contact. The history is
 therefore found again by the id of the partner. Walls are partners with ids of their own.
 """
 
@@ -34,49 +34,49 @@ class ParticleHistory:
     sliding: Vector | None  # (S, N)
     rolling: Vector | None  # (S, N)
 
-    def of(self, holder: Array, partner: Array) -> PairHistory:
+    def of_pairs(self, holder: Array, partner: Array) -> PairHistory:
         """History of each (holder, partner) pair, ids (P,); zero without earlier contact."""
-        # At most one slot knows each partner.
+        # At most one slot holds each partner.
         same = self.partner[:, holder] == partner[None, :]
         slots = jnp.arange(len(same), dtype=holder.dtype)[:, None]
-        known, slot = jnp.any(same, axis=0), jnp.sum(jnp.where(same, slots, 0), axis=0)
+        met, slot = jnp.any(same, axis=0), jnp.sum(jnp.where(same, slots, 0), axis=0)
 
-        def found(vector: Vector | None) -> Vector | None:
+        def rows(vector: Vector | None) -> Vector | None:
             if vector is None:
                 return None
             if not len(same):
                 return jnp.zeros((3, len(holder)), vector[0].dtype)
-            return jnp.stack([jnp.where(known, part[slot, holder], 0.0) for part in vector])
+            return jnp.stack([jnp.where(met, part[slot, holder], 0.0) for part in vector])
 
-        return PairHistory(found(self.sliding), found(self.rolling))
-
-
-def pairs_from_particles(notes: ParticleHistory, listed: Pairs) -> PairHistory:
-    """The memory of the listed pairs, (P,); others are forgotten."""
-    _, partner = _ids(listed)
-    return notes.of(listed.first, jnp.where(listed.present, partner, NOBODY - 1 - len(WALLS)))
+        return PairHistory(rows(self.sliding), rows(self.rolling))
 
 
-def particles_from_pairs(memory: PairHistory, listed: Pairs) -> ParticleHistory:
+def pairs_from_particles(history: ParticleHistory, pairs: Pairs) -> PairHistory:
+    """History of the pairs of a list, (P,); that of others is dropped."""
+    _, partner = _surface_ids(pairs)
+    return history.of_pairs(pairs.first, jnp.where(pairs.present, partner, NOBODY - 1 - len(WALLS)))
+
+
+def particles_from_pairs(history: PairHistory, pairs: Pairs) -> ParticleHistory:
     """History of both surfaces of every pair, each in a slot of its own."""
 
     def both(vector: Vector | None) -> Vector | None:
-        return None if vector is None else tuple(listed.seen(part, -part) for part in vector)
+        return None if vector is None else tuple(pairs.by_particle(part, -part) for part in vector)
 
-    first, second = _ids(listed)
+    first, second = _surface_ids(pairs)
     return ParticleHistory(
-        listed.seen(second, first, nothing=NOBODY),
-        both(memory.sliding),
-        both(memory.rolling),
+        pairs.by_particle(second, first, nothing=NOBODY),
+        both(history.sliding),
+        both(history.rolling),
     )
 
 
-def _ids(listed: Pairs) -> tuple[Array, Array]:
+def _surface_ids(pairs: Pairs) -> tuple[Array, Array]:
     """Ids of the firsts and of the seconds, as `ContactHistory` has them; (P,) each."""
-    walls = jnp.array(WALLS, listed.second.dtype)
-    particles = listed.places.shape[1]
-    wall = walls[jnp.maximum(listed.second - particles, 0)]
-    return listed.first, jnp.where(listed.second < particles, listed.second, wall)
+    walls = jnp.array(WALLS, pairs.second.dtype)
+    particles = pairs.places.shape[1]
+    wall = walls[jnp.maximum(pairs.second - particles, 0)]
+    return pairs.first, jnp.where(pairs.second < particles, pairs.second, wall)
 
 
 def from_state(
@@ -88,14 +88,14 @@ def from_state(
     rolling: bool,
     unit_length: float = 1.0,
 ) -> ParticleHistory:
-    """The memory of a state in `slots` slots; blank where the state brings none.
+    """History of a state in `slots` slots; blank where the state brings none.
 
     Args:
       contacts: of the state, or None.
       like: an array (N, ...) that gives the number of particles and the dtype.
       slots: S, at least as many as the state brings.
       sliding, rolling: whether a law reads these.
-      unit_length: of the memory, m.
+      unit_length: of the history, m.
     """
     held = widened(contacts, slots)
     if held is None:
@@ -114,24 +114,26 @@ def from_state(
     )
 
 
-def to_state(notes: ParticleHistory, sound: Array, unit_length: float) -> ContactHistory | None:
-    """The memory as part of a state, times a factor; None where there is none.
+def to_state(
+    history: ParticleHistory, nan_if_faulty: Array, unit_length: float
+) -> ContactHistory | None:
+    """History as part of a state, times a factor; None where there is none.
 
     Args:
-      notes: in the kernel's units.
-      sound: 1, or NaN where a fault was found, ().
-      unit_length: of the memory, m.
+      history: in the kernel's units.
+      nan_if_faulty: 1, or NaN where a fault was found, ().
+      unit_length: of the history, m.
     """
-    if notes.sliding is None and notes.rolling is None:
+    if history.sliding is None and history.rolling is None:
         return None
 
     def rows(vector: Vector | None, unit: float) -> Array | None:
         if vector is None:
             return None
-        return sound * unit * jnp.stack([component.T for component in vector], axis=-1)
+        return nan_if_faulty * unit * jnp.stack([component.T for component in vector], axis=-1)
 
     return ContactHistory(
-        notes.partner.T, rows(notes.sliding, unit_length), rows(notes.rolling, 1.0)
+        history.partner.T, rows(history.sliding, unit_length), rows(history.rolling, 1.0)
     )
 
 

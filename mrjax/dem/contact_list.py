@@ -12,9 +12,9 @@ from mrjax.core.parameters import Parameters
 from mrjax.core.state import State
 from mrjax.core.tracing import drop_tracers, evaluated_or_none, value_or_none
 from mrjax.core.units import Units
-from mrjax.dem import contact_history, neighbours, pairs, schedule
+from mrjax.dem import contact_history, neighbours, schedule
 from mrjax.dem.forces import ContactForces, active_laws, contact_law
-from mrjax.dem.pairs import Pairs
+from mrjax.dem.pairs import WALL_COUNT, Pairs, list_pairs
 from mrjax.dem.reduced_units import reduced_parameters, reduced_state
 from mrjax.laws import effective, normal, particle
 
@@ -35,10 +35,10 @@ def contact_forces(state: State, parameters: Parameters, box: Box) -> tuple[Arra
     Raises:
       InputError: parameters that do not fit the state.
     """
-    listed, found, units = _moment(state, parameters, box)
-    force = units.of((1, 1, -2)) * found.force.T
-    torque = units.of((1, 2, -2)) * found.torque.T
-    sound = jnp.where(listed.overflow == 0, 1.0, jnp.nan).astype(force.dtype)
+    pairs, forces, units = _moment(state, parameters, box)
+    force = units.scale((1, 1, -2)) * forces.force.T
+    torque = units.scale((1, 2, -2)) * forces.torque.T
+    sound = jnp.where(pairs.overflow == 0, 1.0, jnp.nan).astype(force.dtype)
     return sound * force, sound * torque
 
 
@@ -55,12 +55,12 @@ def coordination_number(state: State, parameters: Parameters, box: Box) -> Array
     Raises:
       InputError: parameters that do not fit the state.
     """
-    listed, found, _ = _moment(state, parameters, box)
-    touching = found.deepest > 0.0
-    if listed.wall is not None:
-        touching &= ~listed.wall
-    count = touching.astype(jnp.int32)
-    return jnp.where(listed.overflow == 0, listed.summed(count, count), -1)
+    pairs, forces, _ = _moment(state, parameters, box)
+    touch = forces.deepest > 0.0
+    if pairs.wall is not None:
+        touch &= ~pairs.wall
+    count = touch.astype(jnp.int32)
+    return jnp.where(pairs.overflow == 0, pairs.sum_over_pairs(count, count), -1)
 
 
 class ContactList(NamedTuple):
@@ -90,30 +90,30 @@ def normal_forces(state: State, parameters: Parameters, box: Box) -> ContactList
     Raises:
       InputError: parameters that do not fit the state.
     """
-    listed, found, units = _moment(state, parameters, box)
+    pairs, forces, units = _moment(state, parameters, box)
     reduced = parameters.reduced(units).astype(state.position.dtype)
-    separation = np.stack([np.asarray(part) for part in listed.separation], axis=1)
-    touching = np.asarray(found.deepest > 0.0)
+    separation = np.stack([np.asarray(part) for part in pairs.separation], axis=1)
+    touch = np.asarray(forces.deepest > 0.0)
     velocity = np.asarray(state.velocity) / units.velocity
-    walls = np.zeros((pairs.WALLS, 3), velocity.dtype)
-    of_second = np.concatenate([velocity, walls])[np.asarray(listed.second)]
+    walls = np.zeros((WALL_COUNT, 3), velocity.dtype)
+    partner_velocity = np.concatenate([velocity, walls])[np.asarray(pairs.second)]
     distance = np.sqrt((separation**2).sum(axis=1))
-    towards = (separation * (velocity[np.asarray(listed.first)] - of_second)).sum(axis=1)
-    constants = effective.per_pair(reduced, state.material, *listed.surfaces)
+    approach = (separation * (velocity[np.asarray(pairs.first)] - partner_velocity)).sum(axis=1)
+    properties = effective.per_pair(reduced, state.material, *pairs.surfaces)
     force = normal.normal_force(
-        found.deepest,
-        jnp.asarray(-towards / np.where(distance > 0.0, distance, 1.0)),
-        constants.modulus,
-        constants.radius,
-        constants.mass,
-        constants.dissipation,
-        constants.damping,
+        forces.deepest,
+        jnp.asarray(-approach / np.where(distance > 0.0, distance, 1.0)),
+        properties.modulus,
+        properties.radius,
+        properties.mass,
+        properties.dissipation,
+        properties.damping,
     )
     return ContactList(
-        np.asarray(listed.first)[touching],
-        np.asarray(listed.second)[touching],
-        -units.length * separation[touching],
-        units.of((1, 1, -2)) * np.asarray(force)[touching],
+        np.asarray(pairs.first)[touch],
+        np.asarray(pairs.second)[touch],
+        -units.length * separation[touch],
+        units.scale((1, 1, -2)) * np.asarray(force)[touch],
     )
 
 
@@ -131,24 +131,24 @@ def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, Cont
     position = state.position / units.length
     scaled = box.scaled(1 / units.length)
     plan = schedule.plan_neighbour_list(state, radius, box, diameter, skin=0.0)
-    of_each = jnp.broadcast_to(particle.outer_radius(reduced), (state.particles,))
-    skin = plan.cutoff - 2.0 * jnp.max(of_each)
+    radii = jnp.broadcast_to(particle.outer_radius(reduced), (state.particles,))
+    skin = plan.cutoff - 2.0 * jnp.max(radii)
     while True:
         around = neighbours.build(plan, scaled, position)
-        listed = pairs.listed(around, scaled, position.T, of_each, skin, plan.pairs)
-        overflow = value_or_none(listed.overflow)
+        pairs = list_pairs(around, scaled, position.T, radii, skin, plan.pairs)
+        overflow = value_or_none(pairs.overflow)
         if overflow is None or not overflow:
             break
         plan = plan.grown(int(overflow), state.particles)
     slots = plan.capacity + 2 * len(box.walled_axes)
     _, velocity, spin, history = reduced_state(state, units, slots, laws)
     law = contact_law(reduced, laws=laws, material=state.material, time_step=0.0)
-    found = law(listed)(
+    forces = law(pairs)(
         jnp.zeros_like(position.T),
         velocity,
         spin,
-        contact_history.pairs_from_particles(history, listed),
+        contact_history.pairs_from_particles(history, pairs),
         jnp.zeros_like(position, shape=plan.pairs),
         jnp.ones_like(position, shape=2),
     )
-    return listed, found, units
+    return pairs, forces, units

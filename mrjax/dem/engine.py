@@ -169,7 +169,7 @@ class Engine:
             end.velocity,
             end.spin,
             end.history,
-            jnp.maximum(motion.overlap, pairs.deepest(end.deepest)),
+            jnp.maximum(motion.overlap, pairs.greatest(end.deepest)),
             mode,
             fault,
         )
@@ -278,7 +278,7 @@ class Engine:
         # A lone particle has room for every wall, and may go anywhere.
         gap = self.skin_left if self.particles > 1 else jnp.asarray(jnp.inf, self.dtype)
         around = neighbours.build(plan, box, origin.T)
-        pairs = pair_list.listed(around, box, origin, self.radius, gap, plan.pairs)
+        pairs = pair_list.list_pairs(around, box, origin, self.radius, gap, plan.pairs)
         return pairs, origin, position - origin
 
     def _stale(self, motion: Motion) -> Array:

@@ -19,7 +19,7 @@ from mrjax.core.parameters import Parameters
 from mrjax.laws import drag, particle
 from mrjax.laws.closed_forms import phi_1
 
-Noted = TypeVar("Noted")
+Extra = TypeVar("Extra")
 
 
 class Kick(NamedTuple):
@@ -58,9 +58,9 @@ def drifted(position: Array, velocity: Array, time: float) -> Array:
 def step(
     half_way: Array,
     velocity: Array,
-    kick: Callable[[Array, Array], tuple[Array, Array, Noted]],
+    kick: Callable[[Array, Array], tuple[Array, Array, Extra]],
     time_step: float,
-) -> tuple[Array, Array, Noted]:
+) -> tuple[Array, Array, Extra]:
     """One step of all particles, from the middle of its way to that of the next.
 
     Args:
@@ -72,9 +72,9 @@ def step(
     Returns:
       x_{n+3/2}, v_{n+1} and the last value of `kick`.
     """
-    keep, added, noted = kick(half_way, velocity)
+    keep, added, extra = kick(half_way, velocity)
     velocity = kicked(velocity, keep, added)
-    return drifted(half_way, velocity, time_step), velocity, noted
+    return drifted(half_way, velocity, time_step), velocity, extra
 
 
 mean_decay = phi_1  # its name of before

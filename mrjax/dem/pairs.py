@@ -15,7 +15,7 @@ from mrjax.dem.neighbours import PAIRS_DROPPED, Neighbours
 from mrjax.laws import normal
 from mrjax.laws.vectors import Vector
 
-WALLS = 6
+WALL_COUNT = 6
 """They have the ids from N on: those at the lower and upper end of x, then y, then z."""
 
 
@@ -56,17 +56,17 @@ class Pairs:
         """First, second and whether that is a wall, (P,) each; None in a box without walls."""
         return self.first, self.second, self.wall
 
-    def summed(self, of_first: Array, of_second: Array) -> Array:
+    def sum_over_pairs(self, of_first: Array, of_second: Array) -> Array:
         """The sum over the pairs of each particle of what belongs to its side, (P,) to (N,)."""
         total = jnp.zeros(self.places.shape[1], of_first.dtype).at[self.first].add(of_first)
         return total.at[self.second].add(of_second, mode="drop")
 
-    def deepest(self, of_pairs: Array) -> Array:
+    def greatest(self, of_pairs: Array) -> Array:
         """The greatest over the pairs of each particle, (P,) to (N,); at least 0."""
         nothing = jnp.zeros(self.places.shape[1], of_pairs.dtype)
         return nothing.at[self._ends].max(jnp.tile(of_pairs, 2), mode="drop")
 
-    def seen(self, of_first: Array, of_second: Array, nothing: float = 0) -> Array:
+    def by_particle(self, of_first: Array, of_second: Array, nothing: float = 0) -> Array:
         """Values of pairs in the slots of each particle, from its side; (P,) to (S, N)."""
         end = jnp.full(1, nothing, of_first.dtype)
         return jnp.concatenate([of_first, of_second, end])[self.places]
@@ -76,7 +76,7 @@ class Pairs:
         return jnp.concatenate([self.first, self.second])
 
 
-def listed(
+def list_pairs(
     neighbours: Neighbours, box: Box, position: Array, radius: Array, skin: Array, room: int
 ) -> Pairs:
     """The pairs whose surfaces are within the skin of each other.

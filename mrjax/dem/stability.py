@@ -36,8 +36,8 @@ def initial_estimate(particles: int, dtype) -> ModeEstimate:
 
 def estimate_mode(
     before: ModeEstimate,
-    listed: Pairs,
-    constants: PairProperties,
+    pairs: Pairs,
+    properties: PairProperties,
     overlap: Array,
     radius: Array,
     kick: Kick,
@@ -57,16 +57,16 @@ def estimate_mode(
 
     Args:
       before: what is known of the bed so far.
-      listed, constants: the contacts of the bed.
+      pairs, properties: the contacts of the bed, and their effective properties.
       overlap: of each, m; not positive where there is none; (P,).
       radius: of the particles, (N,).
       kick, spin_kick: of the step, `integrator.kick`.
       sliding: whether friction acts.
     """
-    normal_spring, tangential_spring = _stiffnesses(listed, constants, overlap, sliding)
-    square = dot(listed.separation, listed.separation)
-    square = jnp.where(listed.present & (square > 0.0), square, 1.0)
-    direction = times(1.0 / jnp.sqrt(square), listed.separation)
+    normal_spring, tangential_spring = _stiffnesses(pairs, properties, overlap, sliding)
+    square = dot(pairs.separation, pairs.separation)
+    square = jnp.where(pairs.present & (square > 0.0), square, 1.0)
+    direction = times(1.0 / jnp.sqrt(square), pairs.separation)
     yielding = jnp.sqrt(_compliance(kick) * jnp.ones_like(radius))
     turning = jnp.sqrt(_compliance(spin_kick) * jnp.ones_like(radius)) * radius
 
@@ -75,9 +75,9 @@ def estimate_mode(
         sums, _ = pair_sum(
             _restoring_force,
             lambda _, partner, springs, shared, memory: springs.normal > 0.0,
-            listed.first,
-            listed.second,
-            listed.count,
+            pairs.first,
+            pairs.second,
+            pairs.count,
             particles=_Displacement(moved, turned),
             pairs=_Springs(direction, normal_spring, tangential_spring),
         )
@@ -133,20 +133,20 @@ def _compliance(kick: Kick) -> Array:
 
 
 def _stiffnesses(
-    listed: Pairs, constants: PairProperties, overlap: Array, sliding: bool
+    pairs: Pairs, properties: PairProperties, overlap: Array, sliding: bool
 ) -> tuple[Array, Array]:
     """K + 2 c of every contact in the unit of time, normal and tangential; (P,)."""
-    touching = (overlap > 0.0) & listed.present
+    touching = (overlap > 0.0) & pairs.present
     depth = jnp.where(touching, overlap, 1.0)
 
     def of(law: ModuleType, modulus: Array, dissipation: Array) -> Array:
-        kept = law.stiffness(modulus, constants.radius, depth)
+        kept = law.stiffness(modulus, properties.radius, depth)
         damped = law.damping_coefficient(
-            modulus, constants.radius, constants.mass, depth, dissipation, constants.damping
+            modulus, properties.radius, properties.mass, depth, dissipation, properties.damping
         )
         return jnp.where(touching, kept + 2.0 * damped, 0.0)
 
-    in_normal = of(normal, constants.modulus, constants.dissipation)
+    in_normal = of(normal, properties.modulus, properties.dissipation)
     if not sliding:
         return in_normal, jnp.zeros_like(in_normal)
-    return in_normal, of(tangential, constants.shear_modulus, constants.tangential_dissipation)
+    return in_normal, of(tangential, properties.shear_modulus, properties.tangential_dissipation)

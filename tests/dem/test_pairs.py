@@ -34,7 +34,9 @@ ROOMY = ListPlan(cutoff=CUTOFF, cell=CUTOFF, capacity=COUNT - 1, cell_capacity=C
 def of_suspension(plan: ListPlan, box: Box, position, radius) -> Pairs:
     """The pairs of positions (N, 3), as in a run."""
     found = neighbours.build(plan, box, position)
-    return pairs.listed(found, box, position.T, radius, jnp.full_like(radius, SKIN)[0], plan.pairs)
+    return pairs.list_pairs(
+        found, box, position.T, radius, jnp.full_like(radius, SKIN)[0], plan.pairs
+    )
 
 
 listing = jax.jit(of_suspension, static_argnames=("plan", "box"))
@@ -247,9 +249,9 @@ def check_empty(listed: Pairs, particles: int) -> None:
     """Nothing is present, and sums over nothing are nothing."""
     assert not listed.present.any() and int(listed.overflow) == 0
     zero = jnp.zeros(len(listed.present))
-    np.testing.assert_array_equal(listed.summed(zero, zero), np.zeros(particles))
-    np.testing.assert_array_equal(listed.deepest(zero - 1.0), np.zeros(particles))
-    assert (listed.seen(zero + 1.0, zero + 1.0, nothing=-7.0) == -7.0).all()
+    np.testing.assert_array_equal(listed.sum_over_pairs(zero, zero), np.zeros(particles))
+    np.testing.assert_array_equal(listed.greatest(zero - 1.0), np.zeros(particles))
+    assert (listed.by_particle(zero + 1.0, zero + 1.0, nothing=-7.0) == -7.0).all()
     for part in listed.separation:
         assert part.shape == zero.shape and jnp.isfinite(part).all()
 
@@ -333,7 +335,7 @@ def test_summed(crowd, values):
         together[first] += mine[place]
         if second < COUNT:
             together[second] += theirs[place]
-    found = crowd.summed(jnp.asarray(mine), jnp.asarray(theirs))
+    found = crowd.sum_over_pairs(jnp.asarray(mine), jnp.asarray(theirs))
     np.testing.assert_allclose(found, together, rtol=0, atol=ROUNDING)
 
 
@@ -346,7 +348,7 @@ def test_deepest(crowd):
         expected[first] = max(expected[first], overlap[place])
         if second < COUNT:
             expected[second] = max(expected[second], overlap[place])
-    np.testing.assert_array_equal(crowd.deepest(jnp.asarray(overlap)), expected)
+    np.testing.assert_array_equal(crowd.greatest(jnp.asarray(overlap)), expected)
     assert (expected == 0).any() and (expected > 0).sum() > COUNT / 2
 
 
@@ -358,8 +360,8 @@ def test_seen(crowd):
         expected[first].append((second, mine[place]))
         if second < COUNT:
             expected[second].append((first, theirs[place]))
-    partner = np.asarray(crowd.seen(crowd.second, crowd.first, nothing=-9))
-    value = np.asarray(crowd.seen(jnp.asarray(mine), jnp.asarray(theirs)))
+    partner = np.asarray(crowd.by_particle(crowd.second, crowd.first, nothing=-9))
+    value = np.asarray(crowd.by_particle(jnp.asarray(mine), jnp.asarray(theirs)))
     assert partner.shape == value.shape == (ROOMY.capacity + 4, COUNT)  # two walled axes
     assert partner.dtype == crowd.first.dtype
     for one in range(COUNT):
@@ -420,8 +422,8 @@ def test_derivatives_of_what_is_summed(periodic):
         total = 0.0
         for axis, part in enumerate(separated(listed, travelled.T)):
             square = jnp.where(listed.present, part**2, 0.0)
-            total += both_weights[0, axis] @ listed.summed(square, 3.0 * square)
-            total += both_weights[1, axis] @ listed.summed(square, -square)
+            total += both_weights[0, axis] @ listed.sum_over_pairs(square, 3.0 * square)
+            total += both_weights[1, axis] @ listed.sum_over_pairs(square, -square)
         return total
 
     listed = listing(ROOMY, box, position, radius)

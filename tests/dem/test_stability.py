@@ -60,7 +60,7 @@ def listed_contacts(position, box, parameters):
 @partial(jax.jit, static_argnames=("plan", "box"))
 def _listed(position, radius, skin, *, plan, box):
     found = neighbours.build(plan, box, position)
-    return pairs.listed(found, box, position.T, radius, skin, plan.pairs)
+    return pairs.list_pairs(found, box, position.T, radius, skin, plan.pairs)
 
 
 @partial(jax.jit, static_argnames=("sliding", "calls"))

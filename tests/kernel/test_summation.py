@@ -363,7 +363,7 @@ def test_pairs_beyond_the_room_are_neither_read_nor_written():
         return [1.0 + 0.0 * first], [1.0 + 0.0 * first], 1.0 + memory
 
     for room in (1, 3, 5, 28):
-        listed = pairs.listed(found, box, position.T, radius, jnp.asarray(10.0), room)
+        listed = pairs.list_pairs(found, box, position.T, radius, jnp.asarray(10.0), room)
         assert int(listed.overflow) == (neighbours.PAIRS_DROPPED if room < 28 + 6 * 8 else 0)
         (met,), kept = pair_sum(
             law, lambda *of: of[4] == 0.0, *ends(listed), particles=radius, memory=jnp.zeros(room)

@@ -2,9 +2,9 @@
 
 Threads draw from one counter the right to do a chunk. The caller does them from the first on,
 others from the last, so that each meets mostly what it had in the call before and has in its own
-memory. How many each does is chance, what is done is not. The caller waits for chunks that others have
-begun, but for no thread to begin: one that comes late finds nothing left to do. Until then the
-job's place in memory is kept, which is why it outlives the call.
+memory. How many each does is chance, what is done is not. The caller waits for chunks that others
+have begun, but for no thread to begin: one that comes late finds nothing left to do. Until then
+the job's place in memory is kept, which is why it outlives the call.
 """
 
 import os
