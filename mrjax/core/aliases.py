@@ -7,7 +7,6 @@ that took over. New code uses the new names.
 import importlib
 import sys
 from collections.abc import Mapping, Sequence
-from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
 
@@ -114,8 +113,11 @@ FUNCTIONS = (
 """Old names that are functions of the package, too: these come first."""
 
 
-class Aliases(Loader, MetaPathFinder):
-    """Finds a module of a package by its old name."""
+class Aliases:
+    """Finds a module of a package by its old name.
+
+    No subclass of `importlib.abc`, which takes longer to import than all of mrjax.
+    """
 
     def __init__(self, package: str, old_names: Mapping[str, str]) -> None:
         self.package, self.old_names = package, old_names
@@ -126,7 +128,7 @@ class Aliases(Loader, MetaPathFinder):
         """The specification of an old name; None of all others."""
         package, _, name = fullname.partition(".")
         if package == self.package and name in self.old_names:
-            return ModuleSpec(fullname, self)
+            return ModuleSpec(fullname, self)  # type: ignore[arg-type] # has what a loader has
         return None
 
     def create_module(self, spec: ModuleSpec) -> None:
