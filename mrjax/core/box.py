@@ -107,9 +107,30 @@ class Box:
         return displacement, shift
 
     def wrap(self, position: Array) -> Array:
-        """Positions moved into the box along its periodic axes; (N, 3) in m."""
+        """Positions moved into the box along its periodic axes, by JAX; (N, 3) in m."""
         _, shift = self.space()
         return shift(position, jnp.zeros_like(position))
+
+    def image(self, position: np.ndarray) -> np.ndarray:
+        """Periodic images that positions lie in, by numpy: whole numbers, 0 in the box.
+
+        Args:
+          position: (..., 3) in m.
+        """
+        return np.where(self.periodic, np.floor(position / np.asarray(self.size)), 0.0)
+
+    def inside(self, position: np.ndarray, *, below: bool = False) -> np.ndarray:
+        """Positions moved into the box along its periodic axes, by numpy; (..., 3) in m.
+
+        Args:
+          position: (..., 3) in m.
+          below: whether what rounding takes to the upper end becomes 0, as trees of positions need.
+        """
+        size = np.asarray(self.size)
+        moved = position - size * self.image(position)
+        if below:
+            moved = np.where(np.asarray(self.periodic) & (moved >= size), 0.0, moved)
+        return moved
 
 
 def _three(values: object, kind: type) -> bool:

@@ -336,9 +336,7 @@ def may_touch(
     if reach > min(box.size):
         return True
     side = np.where(box.periodic, box.size, 0.0)  # no side for axes that end in walls
-    wrapped = np.asarray(position, float)
-    wrapped = wrapped - side * np.floor(wrapped / np.where(side > 0.0, side, np.inf))
-    wrapped = np.where((side > 0.0) & (wrapped >= side), 0.0, wrapped)  # by rounding
+    wrapped = box.inside(np.asarray(position, float), below=True)
     from scipy.spatial import KDTree  # a third of a second, which most calls need not spend
 
     tree = KDTree(wrapped, boxsize=side)

@@ -112,8 +112,7 @@ def draw_box(axes: Axes, size: np.ndarray) -> None:
 
 def inside(position: ArrayLike, box: Box) -> np.ndarray:
     """Positions moved into the box along its periodic axes; (..., 3) in m."""
-    place, size = np.asarray(position, float), np.asarray(box.size)
-    return place - size * np.where(box.periodic, np.floor(place / size), 0.0)
+    return box.inside(np.asarray(position, float))
 
 
 def seen(points: np.ndarray) -> np.ndarray:

@@ -57,7 +57,7 @@ def write_gsd(path: str | Path, run: Run, metadata: Mapping[str, Any]) -> None:
 
     position, velocity, spin = _moved(run)
     size = np.asarray(run.box.size)
-    image = np.where(run.box.periodic, np.floor(position / size), 0.0)
+    image = run.box.image(position)
     centred = position - size * (image + 0.5)
     material = run.state.material
     index = np.zeros(run.state.particles) if material is None else np.asarray(material)
@@ -104,9 +104,7 @@ def write_vtk(path: str | Path, run: Run) -> None:
     from pyevtk.hl import pointsToVTK
 
     position, velocity, spin = _moved(run)
-    size = np.asarray(run.box.size)
-    image = np.where(run.box.periodic, np.floor(position / size), 0.0)
-    centres = (PER_METRE * (position - size * image)).astype(position.dtype)
+    centres = (PER_METRE * run.box.inside(position)).astype(position.dtype)
     of_each = {
         "radius_um": PER_METRE * np.asarray(run.radius),
         "id": np.arange(run.state.particles),

@@ -152,8 +152,7 @@ def _deepest(position: np.ndarray, radius: np.ndarray, box: Box) -> tuple[float,
       box: the container.
     """
     size, periodic = np.array(box.size), np.array(box.periodic)
-    wrapped = np.where(periodic, position - size * np.floor(position / size), position)
-    wrapped = np.where(periodic & (wrapped >= size), 0.0, wrapped)  # by rounding
+    wrapped = box.inside(position, below=True)
     tree = cKDTree(wrapped, boxsize=np.where(periodic, size, 0.0))
     first, second = tree.query_pairs(2.0 * radius.max(), output_type="ndarray").T
     contacts = [(0.0, "nothing")]

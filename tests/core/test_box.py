@@ -75,6 +75,25 @@ def test_wrap_moves_by_whole_boxes_along_periodic_axes_only(box, dtype):
 
 
 @boxes
+def test_numpy_moves_positions_into_the_box_as_jax_does(box):
+    position = somewhere(5)
+    moved = box.inside(position)
+    by_jax = box.wrap(jnp.asarray(position))
+    np.testing.assert_allclose(moved, by_jax, rtol=0, atol=ROUNDING[np.float64])
+    image = box.image(position)
+    np.testing.assert_array_equal(moved, position - np.asarray(box.size) * image)
+    assert (image == np.round(image)).all() and not image[:, ~np.array(box.periodic)].any()
+
+
+def test_a_tree_finds_no_position_at_the_upper_end():
+    """Where rounding takes a tiny negative coordinate to the whole length."""
+    box = Box((1e-5, 1e-5, 1e-5), (True, False, False))
+    position = np.full((1, 3), -1e-30)
+    assert box.inside(position)[0, 0] == 1e-5
+    np.testing.assert_array_equal(box.inside(position, below=True), [[0.0, -1e-30, -1e-30]])
+
+
+@boxes
 def test_shift_is_a_move_and_a_wrap(box):
     position, change = somewhere(3), somewhere(4)
     _, shift = box.space()
