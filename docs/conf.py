@@ -50,7 +50,9 @@ nitpick_ignore_regex = [
     ("py:class", r"(jax|jaxlib|numpy|optax|pathlib|collections|enum)\..*"),
     (
         "py:class",
-        r"mrjax\.(pairs\.Pairs|history\.Memory|leapfrog\.Noted|sheets\.Sheet|units\.Units)",
+        r"mrjax\.(dem\.(pairs\.Pairs|contact_history\.(Pair|Particle)History|integrator\.Noted"
+        r"|forces\.kinematics\.\w+|forces\.properties\.\w+)|core\.units\.Units"
+        r"|recipe\.(sheets\.Sheet|suspension\.Suspension))",
     ),
     ("py:class", r"(optional|ellipsis|typing\.\w+|conf\.\w+|ArrayLike|DTypeLike)"),
 ]

@@ -27,7 +27,7 @@ class RunOptions:
       cell_capacity: room in a search cell of the list; likewise.
       hindrance: f_w for volume fractions, such as `recipe.hindrance` or
         `lambda phi: (1 - phi) ** -4.65`: each particle then feels that of its own height
-        (`mrjax.hindrance`) in place of the parameters' f_w.
+        (`mrjax.laws.hindrance`) in place of the parameters' f_w.
       trajectory: whether to record all positions, velocities and spins (`Run.trajectory`).
       progress: whether to show a progress bar, on standard error (plain calls).
     """
