@@ -50,7 +50,7 @@ nitpick_ignore_regex = [
     ("py:class", r"(jax|jaxlib|numpy|optax|pathlib|collections|enum)\..*"),
     (
         "py:class",
-        r"mrjax\.(dem\.(pairs\.Pairs|contact_history\.(Pair|Particle)History|integrator\.Noted"
+        r"mrjax\.(dem\.(pairs\.Pairs|contact_history\.(Pair|Particle)History|integrator\.(Noted|Extra)"
         r"|forces\.kinematics\.\w+|forces\.properties\.\w+)|core\.units\.Units"
         r"|recipe\.(sheets\.Sheet|suspension\.Suspension))",
     ),

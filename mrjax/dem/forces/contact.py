@@ -1,7 +1,7 @@
 """Contact: normal force, friction and rolling resistance of two surfaces (Son 2018, Eqs. 4-8).
 
 The law is written for one pair, its vectors kept apart by component. The kernel sums it over all
-pairs of a list, each once.
+pairs of a list, each once. Its forces are terms of Eqs. 1, 2 and 19.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,4 +1,4 @@
-"""Gravity less buoyancy (Son 2018, Eqs. 9, 22 and 23)."""
+"""Gravity less buoyancy (Son 2018, Eqs. 9, 22 and 23), a term of Eqs. 1, 2 and 19."""
 
 import jax.numpy as jnp
 from jax import Array
