@@ -2,11 +2,7 @@
 
 import csv
 import json
-import os
 import signal
-import subprocess
-import sys
-import tempfile
 from functools import partial
 from pathlib import Path
 
@@ -19,26 +15,9 @@ from PIL import Image
 import calibrate.__main__
 import mrjax.__main__
 from mrjax import Recipe, load_run
+from tests.builders.commands import SMALL, start
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
-
-
-COMPILED = tempfile.TemporaryDirectory()
-"""Programs that these commands keep for each other, and nobody else."""
-# JAX sets the level at which XLA speaks, here; a command sets its own where none is given.
-ENVIRONMENT = {name: text for name, text in os.environ.items() if name != "TF_CPP_MIN_LOG_LEVEL"}
-
-
-def start(*arguments, module="mrjax", folder: Path, environment=None) -> subprocess.Popen:
-    return subprocess.Popen(
-        [sys.executable, "-m", module, *map(str, arguments)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        cwd=folder,
-        env={**ENVIRONMENT, "JAX_PLATFORMS": "cpu", "JAX_COMPILATION_CACHE_DIR": COMPILED.name}
-        | (environment or {}),
-    )
 
 
 def run(*arguments, module="mrjax", folder: Path, environment=None) -> tuple[int, str, str]:
@@ -97,29 +76,6 @@ def test_simulate_writes_its_files(tmp_path, dtype):
     assert (made_by["seed"], made_by["dtype"]) == (5, dtype) and "jax" in made_by["versions"]
     assert kept.times.dtype == dtype and kept.trajectory is None
     assert [float(row["mudline_m"]) for row in rows] == [float(top) for top in kept.mudline]
-
-
-SMALL = """
-name = "small"
-gravity = 9.81
-[particle]
-density = 7470.0
-diameter = 4e-6
-elastic_modulus = 211e9
-poisson_ratio = 0.31
-[fluid]
-density = 950.0
-viscosity = 0.01
-[composition]
-particle = 0.80
-fluid = 0.20
-[drag]
-f_w = 48.985
-f_s = 1.1
-[box]
-size = [10e-6, 10e-6, 20e-6]
-"""
-"""Twenty particles without friction: a bed in seconds."""
 
 
 @pytest.fixture(scope="module")
@@ -199,8 +155,8 @@ def test_a_run_to_rest_is_drawn_and_kept(at_rest):
         *("summary.json", "curve.csv", "run.npz", "mrjax-results.json"),
         *(f"{name}.png" for name in ("settling", "concentration", "particles")),
         *(f"{name}.pdf" for name in ("settling", "concentration", "particles")),
-        *(f"settling-{start}.gif" for start in starts),
-        *(f"trajectory-{start}{end}" for start in starts for end in (".gsd", ".pvd", "")),
+        *(f"settling-{seed}.gif" for seed in starts),
+        *(f"trajectory-{seed}{end}" for seed in starts for end in (".gsd", ".pvd", "")),
     }
     for figure in at_rest.glob("*.pdf"):
         written = figure.read_bytes()
@@ -209,12 +165,12 @@ def test_a_run_to_rest_is_drawn_and_kept(at_rest):
     assert made_by["overlap_radii"] == summary["overlap_radii"] == 0.025
     ratio = runs.mudline[:, -1] / runs.initial_height
     assert list(ratio) == near(summary["final_ratios"])
-    for number, start in enumerate(starts):
+    for number, seed in enumerate(starts):
         frames = len(runs.times[number])
-        assert len(list((at_rest / f"trajectory-{start}").glob("*.vtu"))) == frames
-        with Image.open(at_rest / f"settling-{start}.gif") as film:
+        assert len(list((at_rest / f"trajectory-{seed}").glob("*.vtu"))) == frames
+        with Image.open(at_rest / f"settling-{seed}.gif") as film:
             assert film.n_frames > 20
-        with gsd.hoomd.open(at_rest / f"trajectory-{start}.gsd", "r") as read:
+        with gsd.hoomd.open(at_rest / f"trajectory-{seed}.gsd", "r") as read:
             assert len(read) == frames
             assert json.loads(read[0].log["metadata"].tobytes()) == made_by
             height = read[-1].particles.position[:, 2].astype(float) + 10.0

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mrjax.core import randomness
-from tests.cli.test_commands import COMPILED, ENVIRONMENT, SMALL
+from tests.builders.commands import COMPILED, ENVIRONMENT, SMALL
 
 GENERATORS = {
     "JAX_DEFAULT_PRNG_IMPL": "rbg",

@@ -1,6 +1,5 @@
 """Runs and fits that are stopped at any moment, and go on to the same bits."""
 
-import itertools
 import json
 import os
 import random
@@ -8,14 +7,11 @@ import shutil
 import signal
 import subprocess
 import sys
-import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-import jax
 import numpy as np
 import pytest
 
@@ -25,14 +21,14 @@ from calibrate.least_squares.fit import fit
 from calibrate.least_squares.priors import LogNormal
 from mrjax.cli import exit_status, resume
 from mrjax.dem import scan, schedule
-from mrjax.io import npz
 from mrjax.io.checkpoint import Checkpoint, work
 from mrjax.io.results import LIST
 from mrjax.simulation import follow
 from tests.builders import ROOT
-from tests.calibrate.inference.test_inference import BENT, bent
-from tests.cli.test_commands import SMALL
-from tests.simulation.test_settle import WALLED, dispersed, soft
+from tests.builders.beds import WALLED, dispersed, soft
+from tests.builders.commands import SMALL
+from tests.builders.stopping import Stopped, alike, stopping
+from tests.builders.valleys import BENT, bent
 
 EXPERIMENT = """
 name = "tubes"
@@ -63,48 +59,9 @@ PAIRS = 60
 """Room for fewer pairs than the bed has, and for as many as the suspension."""
 
 
-class Stopped(BaseException):
-    """What nothing catches, as a kill."""
-
-
-@contextmanager
-def stopping(number: int) -> Iterator[None]:
-    """The process "dies" as it writes this file, every second time before it counts.
-
-    Its other threads die with it: they write nothing more, and have ended when this returns.
-    """
-    write, numbers = npz.write, itertools.count(1)
-    before = set(threading.enumerate())
-
-    def counted(*arguments):
-        ours = next(numbers)
-        if ours < number or (ours == number and number % 2 == 0):
-            write(*arguments)
-        if ours >= number:
-            raise Stopped
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(npz, "write", counted)
-        try:
-            yield
-        finally:
-            for thread in set(threading.enumerate()) - before:
-                if not thread.daemon:
-                    thread.join()
-
-
 def contents(folder: Path) -> dict[str, bytes]:
     """What is kept; the last state of a start takes the place of the one before."""
     return {path.name: path.read_bytes() for path in folder.glob("[!.]*.npz")}
-
-
-def alike(one, other) -> None:
-    """Every array of two results has the same bits."""
-    first, second = (jax.tree.leaves_with_path(tree) for tree in (one, other))
-    assert [path for path, _ in first] == [path for path, _ in second]
-    for (path, left), (_, right) in zip(first, second, strict=True):
-        assert left.dtype == right.dtype, path
-        np.testing.assert_array_equal(left, right, str(path))
 
 
 @pytest.fixture(scope="module")

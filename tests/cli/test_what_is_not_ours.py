@@ -24,9 +24,9 @@ from mrjax.io import checkpoint, files, results, viewers
 from mrjax.io.checkpoint import Checkpoint
 from mrjax.io.checkpoint import folder as checkpoint_folder
 from mrjax.io.checkpoint.marker import MARKER
-from tests.calibrate.inference.test_inference import BENT, bent
-from tests.cli.test_commands import SMALL
-from tests.io.test_damaged_files import BALLS, BOX, START, walk
+from tests.builders.commands import SMALL
+from tests.builders.valleys import BENT, bent
+from tests.builders.walks import BALLS, BOX, START, walk
 
 COMMANDS = {
     "simulate": (mrjax.__main__.cli, ["simulate", "small.toml", "--duration", "1e-7"]),

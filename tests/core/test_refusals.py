@@ -12,7 +12,7 @@ import pytest
 from mrjax import SystemRefusal
 from mrjax.core import refusals
 from mrjax.io import files
-from tests.cli.test_commands import COMPILED, ENVIRONMENT, SMALL
+from tests.builders.commands import COMPILED, ENVIRONMENT, SMALL
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits and mounts of Linux")
 

@@ -14,6 +14,7 @@ from mrjax.dem import contact_history
 from mrjax.dem.contact_history import PairHistory, ParticleHistory
 from mrjax.dem.pairs import Pairs
 from mrjax.laws import vectors
+from tests.builders.particles import glass
 
 near = partial(pytest.approx, rel=1e-13, abs=0.0)  # its own abs passes all within 1e-12
 
@@ -314,14 +315,10 @@ def test_a_memory_survives_any_number_of_lists():
 STEP = 4e-6
 FLOOR = WALLS[4]  # the lower end of z
 BOX = mrjax.Box((8e-3, 8e-3, 12e-3), (True, True, False))
-GRAINS = mrjax.Parameters(
+GRAINS = glass(
     radius=jnp.array([1.0, 0.8, 0.9, 1.0, 0.7, 1.0, 0.9]) * 1e-3,
-    particle_density=2500.0,
-    fluid_density=0.0,
-    viscosity=0.0,
-    gravity=200.0,  # so that they stay on the floor
+    gravity=200.0,
     elastic_modulus=1e6,
-    poisson_ratio=0.3,
     friction=0.4,
     restitution=0.6,
     rolling_friction=0.05,

@@ -15,6 +15,7 @@ from mrjax.dem import integrator
 from mrjax.dem.integrator import Kick
 from mrjax.laws import particle
 from mrjax.laws.closed_forms import SERIES_BELOW, phi_1
+from tests.builders.particles import unit_spheres
 
 EXACT = 1e-13  # a handful of roundings in double precision
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12
@@ -61,18 +62,9 @@ def test_mean_decay_in_single_precision():
 
 def parameters(viscosity, **leaves):
     """Of 1 kg without added mass; the drag coefficient is 6 pi times the viscosity."""
-    return mrjax.Parameters(
-        **{
-            "radius": 1.0,
-            "particle_density": 3 / (4 * np.pi),
-            "fluid_density": 0.0,
-            "viscosity": viscosity,
-            "gravity": 0.0,
-            "elastic_modulus": 1.0,
-            "poisson_ratio": 0.0,
-            **leaves,
-        }
-    ).astype(float)
+    return unit_spheres(
+        **{"viscosity": viscosity, "elastic_modulus": 1.0, "poisson_ratio": 0.0, **leaves}
+    )
 
 
 POSITION = jnp.array([[1.0, -2.0], [0.5, 0.0], [3.0, 1.0]])

@@ -22,6 +22,7 @@ from mrjax.dem.forces.kinematics import ParticleState
 from mrjax.dem.neighbours import CELLS_OVERFULL, PAIRS_DROPPED, ListPlan
 from mrjax.dem.pairs import Pairs
 from mrjax.laws import normal
+from tests.builders.particles import glass
 
 MIXES = list(itertools.product((False, True), repeat=3))
 SIZE = (5.3, 6.6, 9.9)
@@ -282,17 +283,7 @@ def test_a_single_particle_meets_walls_alone(periodic):
 def test_a_single_particle_in_a_periodic_box_flies_on():
     """Nobody to meet, nothing to remember, no wall."""
     box = Box((1e-2, 1e-2, 1e-2), (True, True, True))
-    ball = mrjax.Parameters(
-        radius=1e-3,
-        particle_density=2500.0,
-        fluid_density=0.0,
-        viscosity=0.0,
-        gravity=0.0,
-        elastic_modulus=1e7,
-        poisson_ratio=0.3,
-        friction=0.5,
-        rolling_friction=0.1,
-    ).astype(float)
+    ball = glass(friction=0.5, rolling_friction=0.1).astype(float)
     state = mrjax.place([[5e-3, 5e-3, 5e-3]], [[3.0, -2.0, 1.0]], [[100.0, 0.0, 50.0]])
     run = mrjax.simulate(state, ball, box, duration=5e-3, time_step=1e-5)
     # Roundings of 500 steps.

@@ -20,7 +20,7 @@ BOX = mrjax.Box((10.0, 10.0, 40.0))
 
 @given(st.floats(1e-3, 1e4), st.floats(1e-2, 10.0), st.integers(1, 50), st.integers(1, 200))
 def test_equal_steps_fill_the_frames(duration, time_step, frames, rebuild_every):
-    found = schedule.cut(duration, time_step, frames, rebuild_every)
+    found = schedule.plan_steps(duration, time_step, frames, rebuild_every)
     assert found.frames == frames and found.total == frames * found.intervals * found.steps
     assert 1 <= found.steps <= rebuild_every
     assert duration / found.total <= time_step * (1 + 1e-11)
@@ -30,21 +30,21 @@ def test_equal_steps_fill_the_frames(duration, time_step, frames, rebuild_every)
 
 
 def test_the_fewest_steps_where_the_intervals_divide_them():
-    assert schedule.cut(24.0, 1.0, 2, 5) == Schedule(2, 3, 4)
-    assert schedule.cut(24.1, 1.0, 2, 5) == Schedule(2, 3, 5)  # 13: a prime
-    assert schedule.cut(0.1, 1.0, 1, 5) == Schedule(1, 1, 1)
+    assert schedule.plan_steps(24.0, 1.0, 2, 5) == Schedule(2, 3, 4)
+    assert schedule.plan_steps(24.1, 1.0, 2, 5) == Schedule(2, 3, 5)  # 13: a prime
+    assert schedule.plan_steps(0.1, 1.0, 1, 5) == Schedule(1, 1, 1)
 
 
 @pytest.mark.parametrize("duration, time_step, steps", [(1.1, 0.1, 11), (0.3, 0.1, 3), (7, 1, 7)])
 def test_a_whole_number_of_steps_is_not_missed_by_rounding(duration, time_step, steps):
-    assert schedule.cut(duration, time_step, 1, 128).total == steps
+    assert schedule.plan_steps(duration, time_step, 1, 128).total == steps
 
 
 def test_more_steps_than_can_be_counted_are_refused():
-    assert schedule.cut(float(MOST_STEPS), 1.0, MOST_STEPS, 128).total == MOST_STEPS
+    assert schedule.plan_steps(float(MOST_STEPS), 1.0, MOST_STEPS, 128).total == MOST_STEPS
     for duration, frames in ((1.001 * MOST_STEPS, MOST_STEPS), (1.001 * MOST_STEPS, 1), (1e300, 1)):
         with pytest.raises(mrjax.InputError, match=f"more than {MOST_STEPS}; give a shorter"):
-            schedule.cut(duration, 1.0, frames, 128)
+            schedule.plan_steps(duration, 1.0, frames, 128)
 
 
 @given(st.integers(1, 5), st.integers(1, 40), st.integers(1, MOST_STEPS_BETWEEN_REBUILDS))
@@ -83,12 +83,14 @@ def test_traced_radii_need_that_of_the_state():
 def test_the_list_reaches_as_far_as_contacts_and_the_skin():
     """In contact radii; one capacity for all where it is given."""
     many = state(particles=30)
-    plan = schedule.list_plan(many, np.ones(30), BOX, 2.0, 0.1)
+    plan = schedule.plan_neighbour_list(many, np.ones(30), BOX, 2.0, 0.1)
     assert plan.cutoff == near(2.2)
-    assert plan == neighbours.plan(BOX, 30, 2.0, 2.0, 0.2)
-    given_ = schedule.list_plan(many, np.ones(30), BOX, 2.0, 0.1, capacity=7)
+    assert plan == neighbours.plan_list(BOX, 30, 2.0, 2.0, 0.2)
+    given_ = schedule.plan_neighbour_list(many, np.ones(30), BOX, 2.0, 0.1, capacity=7)
     assert given_.capacity == 7 and given_.pairs >= 7 * 30 / 2 + 3 * 30
-    assert schedule.list_plan(many, np.ones(30), BOX, 2.0, 0.1, capacity=50).capacity == 29
+    assert (
+        schedule.plan_neighbour_list(many, np.ones(30), BOX, 2.0, 0.1, capacity=50).capacity == 29
+    )
 
 
 def test_contacts_that_came_along_have_room():
@@ -96,23 +98,23 @@ def test_contacts_that_came_along_have_room():
     one = state(particles=30)
     history = mrjax.core.state.allocate_history(30, 26, float, sliding=True, rolling=False)
     held = mrjax.State(one.position, one.velocity, one.spin, history)
-    assert schedule.list_plan(held, np.ones(30), BOX, 2.0, 0.1, capacity=7).capacity == 20
+    assert schedule.plan_neighbour_list(held, np.ones(30), BOX, 2.0, 0.1, capacity=7).capacity == 20
 
 
 def test_no_one_is_faster_than_the_bound():
     """Drag, the duration or the height of a fall ends it, whichever comes first."""
     velocity = np.array([[3.0, 0.0, 4.0], [0.0, 0.0, 0.0]])
     alone = unit_spheres(gravity=2.0, fluid_density=0.0, viscosity=0.0)  # falls with gravity
-    assert schedule.fastest(velocity, alone, BOX, 1.5) == near(5.0 + 2.0 * 1.5)
-    assert schedule.fastest(velocity, alone, BOX, 1e3) == near(5.0 + np.sqrt(2 * 2.0 * 40.0))
+    assert schedule.greatest_speed(velocity, alone, BOX, 1.5) == near(5.0 + 2.0 * 1.5)
+    assert schedule.greatest_speed(velocity, alone, BOX, 1e3) == near(5.0 + np.sqrt(2 * 2.0 * 40.0))
     endless = mrjax.Box(BOX.size, (False, False, True))
-    assert schedule.fastest(velocity, alone, endless, 1e3) == near(5.0 + 2.0 * 1e3)
+    assert schedule.greatest_speed(velocity, alone, endless, 1e3) == near(5.0 + 2.0 * 1e3)
     slow = unit_spheres(gravity=2.0, fluid_density=0.0, viscosity=10.0)
     terminal = float(mrjax.terminal_velocity(slow))
-    assert schedule.fastest(velocity, slow, BOX, 1e3) == near(5.0 + terminal)
+    assert schedule.greatest_speed(velocity, slow, BOX, 1e3) == near(5.0 + terminal)
     upwards = unit_spheres(gravity=-2.0, fluid_density=0.0, viscosity=0.0)
-    assert schedule.fastest(velocity, upwards, BOX, 1.5) == near(5.0 + 2.0 * 1.5)
-    assert schedule.fastest(None, alone, BOX, 1.0) is None
+    assert schedule.greatest_speed(velocity, upwards, BOX, 1.5) == near(5.0 + 2.0 * 1.5)
+    assert schedule.greatest_speed(None, alone, BOX, 1.0) is None
 
 
 @given(st.floats(1e-6, 1e3), st.floats(1e-6, 1.0), st.floats(1e-3, 1.0))

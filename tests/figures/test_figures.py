@@ -19,20 +19,12 @@ import mrjax
 from mrjax import InputError, figures
 from mrjax.figures import spheres
 from mrjax.io import files
-from tests.builders.particles import unit_spheres
+from tests.builders.particles import glass, unit_spheres
 from tests.builders.runs import run_of
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)
 
-DRY = mrjax.Parameters(
-    radius=1e-6,
-    particle_density=2500.0,
-    fluid_density=0.0,
-    viscosity=0.0,
-    gravity=0.0,
-    elastic_modulus=5e7,
-    poisson_ratio=0.25,
-)
+DRY = glass(radius=1e-6, elastic_modulus=5e7, poisson_ratio=0.25)
 BOX = mrjax.Box((1e-5, 1e-5, 2e-5))
 TALL = mrjax.Box((10.0, 10.0, 40.0))
 

@@ -15,24 +15,13 @@ import pytest
 import mrjax
 from mrjax import InputError
 from mrjax.io import files, markers, npz
-from mrjax.io.checkpoint import Checkpoint
 from mrjax.io.checkpoint import work as work_of_checkpoint
 from mrjax.io.checkpoint.marker import MARKER, OLD_MARKER
 from mrjax.simulation import follow as parts_of_runs
 from tests.builders import damage
+from tests.builders.walks import BALLS, BOX, PIECES, START, walk
 
 LONGEST_MESSAGE = 400
-
-BALLS = mrjax.Parameters(
-    radius=2e-6,
-    particle_density=1200.0,
-    fluid_density=1000.0,
-    viscosity=1e-3,
-    elastic_modulus=1e7,
-    poisson_ratio=0.25,
-)
-START = mrjax.place([[2e-5] * 3, [1e-5] * 3, [3e-5] * 3])
-BOX = mrjax.Box((4e-5,) * 3)
 
 
 def few_or(many: int, few: int):
@@ -139,26 +128,6 @@ def test_numbers_beyond_single_precision_are_refused_there(tmp_path):
 
 
 # Checkpoints -------------------------------------------------------------------------------------
-
-
-PIECES = 5
-
-
-def walk(folder: Path, seed: int = 0, until: int = PIECES) -> np.ndarray:
-    """Cheap work in pieces: numbers that hang on all before them; and one piece of its own."""
-    work = Checkpoint.of_work(folder, seed=seed)
-    if (first := work.load("first")) is None:
-        work.save("first", {"x": np.array([0.1 + seed])}, {"of": "walk"})
-        first = work.load("first")
-    sequence = work.sequence("part")
-    pieces, state = sequence.resumed()
-    now = first[0]["x"] if state is None else state["now"]
-    walked = [piece["x"] for piece in pieces]
-    while len(walked) < until:
-        steps = np.array([now, now := 3.9 * now * (1.0 - now)])
-        sequence.append({"x": steps, "n": np.arange(3)}, {"now": now})
-        walked.append(steps)
-    return np.concatenate([first[0]["x"][None], *walked])
 
 
 @pytest.fixture(scope="module")

@@ -15,6 +15,7 @@ from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 import mrjax
 from mrjax import InputError, SimulationError, SystemRefusal
 from mrjax.io import viewers
+from tests.builders.particles import glass
 
 BOX = mrjax.Box((1e-5, 2e-5, 3e-5), (True, False, False))
 RADIUS = np.array([1e-6, 2e-6, 1.5e-6])
@@ -24,12 +25,8 @@ MADE_BY = {"recipe": "größe", "seed": 7, "versions": {"mrjax": "0"}}
 @pytest.fixture(scope="module", params=["float64", "float32"])
 def run(request):
     """Three particles of two materials that fly through a periodic side, and meet a wall."""
-    dry = mrjax.Parameters(
+    dry = glass(
         radius=jnp.asarray(RADIUS),
-        particle_density=2500.0,
-        fluid_density=0.0,
-        viscosity=0.0,
-        gravity=0.0,
         elastic_modulus=5e7,
         poisson_ratio=0.25,
         friction=jnp.full((3, 3), 0.3),

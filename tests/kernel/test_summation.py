@@ -24,6 +24,7 @@ from mrjax.dem.pairs import Pairs
 from mrjax.kernel import arrays, pair_sum, primitive, summation
 from mrjax.kernel.llvm import codegen
 from tests.builders import ROOT
+from tests.builders.particles import unit_spheres
 
 BOTH = ("float64", "float32")
 
@@ -831,6 +832,7 @@ sys.path.insert(0, sys.argv[1])
 import jax
 jax.config.update("jax_enable_x64", True)
 from tests.kernel import test_summation as tests
+from tests.builders.particles import unit_spheres
 if sys.argv[2] == "late":  # another has been named before
     tests.names_of_loops(tests.scalar, *tests.arguments(dtype="float32"))
 law, *given = tests.meeting([True, False, True], mixed=True)
@@ -917,16 +919,7 @@ def test_threads_do_not_disturb_each_other():
 # --- the list of a run, rebuilt only where it is stale --------------------------------------------
 
 BOX = mrjax.Box((12.0, 12.0, 12.0), (True, True, False))
-BALLS = mrjax.Parameters(
-    radius=1.0,
-    particle_density=0.3,
-    fluid_density=0.0,
-    viscosity=0.0,
-    gravity=0.0,
-    elastic_modulus=1e4,
-    poisson_ratio=0.3,
-    friction=0.3,
-).astype(float)
+BALLS = unit_spheres(particle_density=0.3, elastic_modulus=1e4, friction=0.3)
 
 
 @pytest.fixture

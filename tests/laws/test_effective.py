@@ -12,6 +12,7 @@ import mrjax
 from mrjax.core import checks
 from mrjax.dem.pairs import Pairs
 from mrjax.laws import effective, normal, particle, tangential
+from tests.builders.particles import glass
 
 near = partial(pytest.approx, rel=1e-13, abs=0.0)  # its own abs passes all within 1e-12
 
@@ -154,15 +155,7 @@ VALUES = {
     "rolling_friction": [0.1, 0.2, 0.3, 0.05, 0.15, 0.25, 0.35, 0.12, 0.22],
     "rolling_damping": [0.3, 0.1, 0.5, 0.4, 0.2, 0.6, 0.35, 0.15, 0.25],
 }
-GRAIN = mrjax.Parameters(
-    radius=1e-3,
-    particle_density=2500.0,
-    fluid_density=0.0,
-    viscosity=0.0,
-    gravity=0.0,
-    elastic_modulus=1e7,
-    poisson_ratio=0.3,
-).astype(float)
+GRAIN = glass().astype(float)
 ROOM = mrjax.Box((32e-3, 12e-3, 24e-3), (True, True, False))
 
 

@@ -12,6 +12,7 @@ from jax.tree_util import Partial
 import mrjax
 from mrjax.io.identity import identity
 from mrjax.laws import drag, hindrance
+from tests.builders.particles import iron, light_balls
 
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12
 EXACT = 1e-12  # sums of some hundred terms
@@ -19,14 +20,7 @@ FLOOR, LOOP = (False, False, False), (False, False, True)
 
 
 def spheres(radius):
-    return mrjax.Parameters(
-        radius=radius,
-        particle_density=7000.0,
-        fluid_density=1000.0,
-        viscosity=0.01,
-        elastic_modulus=1e9,
-        poisson_ratio=0.3,
-    ).astype(float)
+    return iron(radius=radius).astype(float)
 
 
 def local(radius, box, height, spacing):
@@ -259,10 +253,7 @@ def test_refused_in_one_line_from_a_file(tmp_path):
 
 def test_any_function_is_a_hindrance():
     """A lambda gives the bits of the closure that it is, and is told from others by its code."""
-    parameters = mrjax.Parameters(
-        radius=2e-6, particle_density=1200.0, fluid_density=1000.0, viscosity=1e-3,
-        elastic_modulus=1e7, poisson_ratio=0.25,
-    )  # fmt: skip
+    parameters = light_balls()
     start = mrjax.place([[1e-5] * 3, [5e-6] * 3])
 
     def fallen(law):

@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 import mrjax
 from mrjax.dem import integrator
 from mrjax.laws import drag, normal, particle, time_scales
+from tests.builders.particles import unit_spheres
 
 EXACT = 1e-13  # a handful of roundings in double precision
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12
@@ -92,15 +93,9 @@ REGIMES = {"undamped": 0.0, "inertial": 1e-3, "intermediate": 2.0, "overdamped":
 
 def resting(damping):
     """A particle on a spring of 1 N/m, of 1 kg, with a drag coefficient; and the overlap there."""
-    parameters = mrjax.Parameters(
-        radius=1.0,
-        particle_density=3 / (4 * np.pi),
-        fluid_density=0.0,
-        viscosity=damping / (6 * np.pi),
-        gravity=0.0,
-        elastic_modulus=1.0,
-        poisson_ratio=0.0,
-    ).astype(float)
+    parameters = unit_spheres(
+        viscosity=damping / (6 * np.pi), elastic_modulus=1.0, poisson_ratio=0.0
+    )
     return parameters, 0.25  # 2 E* sqrt(R* d) = 1
 
 

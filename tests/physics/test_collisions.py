@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 import mrjax
 from mrjax.laws import closed_forms, normal, particle
+from tests.builders.particles import glass
 
 DRY = dict(fluid_density=0.0, viscosity=0.0, gravity=0.0)
 
@@ -276,14 +277,10 @@ LAYERS, COUNT = 5, 45
 TRAY = mrjax.Box((6.6e-3, 6.6e-3, 14e-3), (True, True, False))
 SIZES = np.random.default_rng(7).uniform(0.75e-3, 1e-3, COUNT)
 SIZES[0] = 1e-3
-SAND = mrjax.Parameters(
+SAND = glass(
     radius=jnp.asarray(SIZES),
-    particle_density=2500.0,
-    fluid_density=0.0,
-    viscosity=0.0,
     gravity=500.0,
     elastic_modulus=2e7,
-    poisson_ratio=0.3,
     friction=0.5,
     restitution=0.6,
     rolling_friction=0.1,

@@ -13,6 +13,7 @@ from mrjax.core.tracing import drop_tracers, evaluated_or_none
 from mrjax.laws import closed_forms, hindrance, particle, time_scales
 from mrjax.observables import interface
 from mrjax.simulation import softening
+from tests.builders.particles import light_balls
 
 DRY = dict(
     particle_density=2500.0,
@@ -407,14 +408,7 @@ def test_a_fit_to_what_rises_is_refused(tmp_path):
 @pytest.mark.parametrize("density, place", [(1200.0, "upper right"), (800.0, "lower right")])
 def test_the_legend_of_concentrations_is_in_the_clear_layer(density, place):
     """Black letters on the dark of a bed cannot be read."""
-    parameters = mrjax.Parameters(
-        radius=2e-6,
-        particle_density=density,
-        fluid_density=1000.0,
-        viscosity=1e-3,
-        elastic_modulus=1e7,
-        poisson_ratio=0.25,
-    )
+    parameters = light_balls(particle_density=density)
     start = mrjax.place([[2e-5] * 3, [1e-5] * 3])
     run = mrjax.simulate(start, parameters, mrjax.Box((4e-5,) * 3), duration=2e-5, frames=4)
     legend = mrjax.figures.concentration(run).axes[0].get_legend()

@@ -14,16 +14,10 @@ import pytest
 
 import mrjax
 from mrjax.core import checks
+from tests.builders.particles import light_balls
 
 BOX = mrjax.Box((2e-5,) * 3)
-PARAMETERS = mrjax.Parameters(
-    radius=2e-6,
-    particle_density=1200.0,
-    fluid_density=1000.0,
-    viscosity=1e-3,
-    elastic_modulus=1e7,
-    poisson_ratio=0.25,
-)
+PARAMETERS = light_balls()
 START = mrjax.place([[1e-5] * 3, [5e-6] * 3])
 TABLE = np.ones((3, 2))
 EXTREMES = [1e300, 1e-300, -1e300, -1, 0, float("nan"), float("inf"), 10**400]

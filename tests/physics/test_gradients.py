@@ -10,6 +10,7 @@ import pytest
 
 import mrjax
 from mrjax.laws import time_scales
+from tests.builders.particles import glass, iron
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 
@@ -113,16 +114,7 @@ def test_no_nan_at_zero_overlap_or_apart_second_derivatives_included(times):
         [[6e-6, 6e-6, 10e-6], [8e-6, 6e-6, 10e-6], [15e-6, 15e-6, 15e-6], [6e-6, 15e-6, 1e-6]],
         contact_diameter=2e-6,
     )
-    base = mrjax.Parameters(
-        radius=1e-6,
-        particle_density=7000.0,
-        fluid_density=1000.0,
-        viscosity=0.01,
-        elastic_modulus=1e9,
-        poisson_ratio=0.3,
-        restitution=0.5,
-        dissipation=1e-9,
-    )
+    base = iron(restitution=0.5, dissipation=1e-9)
     leaves = ("radius", "elastic_modulus", "viscosity", "restitution", "dissipation", "f_r")
     values = jnp.array([getattr(base, name) for name in leaves])
 
@@ -146,14 +138,7 @@ def test_gradient_through_an_elastic_collision_equals_central_differences():
         [[0.05, 0, 0], [-0.05, 0, 0]],
         contact_diameter=2e-6,
     )
-    base = mrjax.Parameters(
-        radius=1e-6,
-        particle_density=7000.0,
-        fluid_density=900.0,
-        viscosity=1e-4,
-        elastic_modulus=1e9,
-        poisson_ratio=0.3,
-    )
+    base = iron(fluid_density=900.0, viscosity=1e-4)
     leaves = ("elastic_modulus", "poisson_ratio", "particle_density", "radius", "viscosity")
     values = jnp.array([getattr(base, name) for name in leaves])
 
@@ -215,14 +200,8 @@ CONTACT_LEAVES = (
     "viscosity",
     "gravity",
 )
-GRIT = mrjax.Parameters(
-    radius=1e-3,
-    particle_density=2500.0,
+GRIT = glass(
     fluid_density=1000.0,
-    viscosity=0.0,
-    gravity=0.0,
-    elastic_modulus=1e7,
-    poisson_ratio=0.3,
     wall_elastic_modulus=3e7,
     wall_poisson_ratio=0.2,
     friction=0.3,

@@ -13,6 +13,7 @@ from jax import lax
 
 import mrjax
 from mrjax.laws import normal, particle, rolling
+from tests.builders.particles import glass
 
 EXACT = 1e-13  # a handful of roundings in double precision
 near = partial(pytest.approx, rel=EXACT, abs=0.0)  # its own abs passes all within 1e-12
@@ -296,16 +297,8 @@ def test_gradients_are_central_differences():
 # --- through the simulation -----------------------------------------------------------------------
 
 RADIUS, GRAVITY, SPEED = 1e-3, 9.81, 0.05
-BALL = mrjax.Parameters(
-    radius=RADIUS,
-    particle_density=2500.0,
-    fluid_density=0.0,
-    viscosity=0.0,
-    elastic_modulus=2.18e6,
-    poisson_ratio=0.3,
-    friction=0.5,
-    restitution=0.5,
-    gravity=GRAVITY,
+BALL = glass(
+    radius=RADIUS, elastic_modulus=2.18e6, friction=0.5, restitution=0.5, gravity=GRAVITY
 ).astype(float)
 FLOOR = mrjax.Box((0.1, 0.1, 0.004), (True, True, False))
 

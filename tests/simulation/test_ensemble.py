@@ -6,7 +6,6 @@ import pickle
 import socket
 import subprocess
 import sys
-import textwrap
 from pathlib import Path
 
 import jax
@@ -16,6 +15,7 @@ import pytest
 
 import mrjax
 from mrjax.simulation import partners, processes
+from tests.builders.processes import SMALL, free_port
 
 RUNS = """
 import pickle, sys
@@ -59,12 +59,6 @@ assert processes.is_first() == (number == 0)
 with open(f"found-{number}", "wb") as file:
     pickle.dump(jax.device_get(found), file)
 """
-
-
-def free_port() -> int:
-    with socket.socket() as one:
-        one.bind(("127.0.0.1", 0))
-        return one.getsockname()[1]
 
 
 def together(*commands: list[str], folder: Path) -> list[tuple[int, str, str]]:
@@ -151,26 +145,6 @@ def test_an_ensemble_is_differentiated_with_what_it_holds(three_devices):
 def test_members_must_be_equally_many(members):
     with pytest.raises(mrjax.InputError, match="leading axis"):
         mrjax.ensemble(lambda member: member, members)
-
-
-SMALL = textwrap.dedent(
-    """
-    name = "small"
-    [particle]
-    density = 7470.0
-    diameter = 4e-6
-    elastic_modulus = 211e9
-    poisson_ratio = 0.31
-    [fluid]
-    density = 950.0
-    viscosity = 0.01
-    [composition]
-    particle = 0.80
-    fluid = 0.20
-    [box]
-    size = [10e-6, 10e-6, 12e-6]
-    """
-)
 
 
 @pytest.mark.slow

@@ -13,20 +13,11 @@ from mrjax.cli import resume
 from mrjax.core.state import allocate_history
 from mrjax.io import npz, results
 from mrjax.simulation import follow
+from tests.builders.particles import glass
 
 ROOM = mrjax.Box((1e-2, 1e-2, 1e-2))
 RADIUS = 5e-4
-SOFT = mrjax.Parameters(
-    radius=RADIUS,
-    particle_density=2500.0,
-    fluid_density=0.0,
-    viscosity=0.0,
-    gravity=0.0,
-    elastic_modulus=5e5,
-    poisson_ratio=0.25,
-    friction=0.0,
-    restitution=1.0,
-)
+SOFT = glass(radius=RADIUS, elastic_modulus=5e5, poisson_ratio=0.25, friction=0.0, restitution=1.0)
 APART = [[2e-3, 2e-3, 5e-3], [5e-3, 5e-3, 5e-3], [8e-3, 2e-3, 5e-3]]
 
 

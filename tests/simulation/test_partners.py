@@ -15,8 +15,8 @@ import pytest
 
 import mrjax
 from mrjax.simulation import messages
-from tests.cli.test_commands import start
-from tests.simulation.test_ensemble import SMALL, free_port
+from tests.builders.commands import start
+from tests.builders.processes import SMALL, free_port
 
 ONE = """
 import sys, time

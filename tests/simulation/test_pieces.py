@@ -20,8 +20,8 @@ from mrjax.core import interruption
 from mrjax.dem import scan, schedule, sorting
 from mrjax.simulation import follow, pieces, progress
 from tests.builders import ROOT
-from tests.cli.test_resume import Stopped, alike, stopping
-from tests.simulation.test_settle import WALLED, dispersed, soft
+from tests.builders.beds import WALLED, dispersed, soft
+from tests.builders.stopping import Stopped, alike, stopping
 
 DURATION = dict(duration=3.0, frames=6, time_step=0.003, skin=0.05)
 

@@ -16,7 +16,7 @@ import pytest
 
 import mrjax.__main__
 from mrjax.cli import environment, exit_status
-from tests.cli.test_commands import SMALL
+from tests.builders.commands import SMALL
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="limits and mounts of Linux")
 

@@ -8,27 +8,12 @@ import numpy as np
 import pytest
 
 import mrjax
+from tests.builders.beds import OVERLAP, WALLED, dispersed, soft
 from tests.builders.particles import unit_spheres
 
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12
-OVERLAP, REST, FRAMES = 0.05, 1e-3, 100
-WALLED = mrjax.Box((10e-6, 10e-6, 20e-6))
+REST, FRAMES = 1e-3, 100
 PERIODIC = mrjax.Box((10e-6, 10e-6, 20e-6), (True, True, False))
-
-
-def dispersed(case2, box, seed):
-    """A start whose highest particle is as high as that of all others, so that all take the same
-    frames: `settle` chooses them from the highest particle of all states."""
-    state = mrjax.disperse(case2.model_copy(update={"box": box}), seed)
-    position = np.array(state.position)
-    position[position[:, 2].argmax(), 2] = box.height - 2.001e-6  # it moves away from all below
-    return mrjax.place(position, contact_diameter=state.contact_diameter)
-
-
-def soft(case2, box, **changes):
-    parameters = case2.parameters().replace(**changes)
-    count = case2.model_copy(update={"box": box}).particle_count
-    return mrjax.softened(parameters, box, count, OVERLAP)
 
 
 @pytest.fixture(scope="module")

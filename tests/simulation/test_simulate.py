@@ -9,6 +9,7 @@ import pytest
 
 import mrjax
 from mrjax.laws import time_scales
+from tests.builders.particles import head_on
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 
@@ -155,25 +156,6 @@ def test_no_drag_and_no_gravity_are_finite_and_differentiable(one, case2):
     assert float(slopes[0]) == near(drop, rel=1e-9)
     assert float(slopes[1]) == 0.0
     assert float(jax.grad(fallen, argnums=1)(9.81, 0.0)) < 0
-
-
-def head_on(box_size=10e-6, gap=1e-8):
-    """Two iron spheres about to meet along x in vacuum."""
-    parameters = mrjax.Parameters(
-        radius=1e-6,
-        particle_density=7000.0,
-        fluid_density=0.0,
-        viscosity=0.0,
-        gravity=0.0,
-        elastic_modulus=1e9,
-        poisson_ratio=0.3,
-    )
-    middle = box_size / 2
-    state = mrjax.place(
-        [[middle - 1e-6 - gap / 2, middle, middle], [middle + 1e-6 + gap / 2, middle, middle]],
-        [[0.01, 0, 0], [-0.01, 0, 0]],
-    )
-    return state, parameters, mrjax.Box((box_size,) * 3)
 
 
 def test_equal_spheres_exchange_their_velocities():

@@ -16,6 +16,7 @@ from calibrate.experiment.free_parameters import FreeParameter
 from calibrate.inference.forecast import forecast, leave_one_out, like
 from calibrate.inference.posterior import posterior
 from calibrate.inference.profile import profiles
+from tests.builders.valleys import BENT, bent
 from tests.studies.recovery import coverage, page
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
@@ -100,15 +101,6 @@ def test_several_starts_find_the_better_valley_and_tell_of_the_other():
     assert many.values[0] == near(np.exp(-1.0), rel=1e-2)
     assert any(values[0] > 1.0 for _, values in many.other_optima)
     assert all(loss > 0.5 for loss, _ in many.other_optima)
-
-
-def bent(theta):
-    """Rosenbrock's valley in logarithms: Gauss-Newton steps leave it."""
-    x, y = jnp.log(theta["a"]), jnp.log(theta["b"])
-    return jnp.stack([10.0 * (y - x**2), 1.0 - x])
-
-
-BENT = OrderedDict(a=np.exp(-1.2), b=np.exp(1.0))
 
 
 def test_the_search_ends_where_gauss_newton_is_to_be_trusted():

@@ -12,20 +12,12 @@ import mrjax
 from mrjax.core.state import WALLS
 from mrjax.dem.forces import ActiveLaws, active_laws
 from mrjax.laws import closed_forms, particle, time_scales
+from tests.builders.particles import glass
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 
 ROOM = mrjax.Box((1e-2, 1e-2, 1e-2))
-GLASS = mrjax.Parameters(
-    radius=1e-3,
-    particle_density=2500.0,
-    fluid_density=0.0,
-    viscosity=0.0,
-    gravity=0.0,
-    elastic_modulus=5e7,
-    poisson_ratio=0.25,
-    friction=0.3,
-).astype(float)
+GLASS = glass(elastic_modulus=5e7, poisson_ratio=0.25, friction=0.3).astype(float)
 STEP = 1e-7
 OBLIQUE = mrjax.place([[5e-3, 5e-3, 1.001e-3]], [[0.5, 0.0, -0.5]], contact_diameter=2e-3)
 
