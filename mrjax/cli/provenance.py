@@ -1,4 +1,4 @@
-"""What made a result: its lab sheet, seed, precision, and versions of packages."""
+"""Provenance of a result: its lab sheet, seed, precision, and versions of packages."""
 
 import importlib.metadata
 from typing import TYPE_CHECKING, Any
@@ -16,7 +16,7 @@ def versions() -> dict[str, str]:
 
 
 def made_by(sheet: "Recipe", seed: int, dtype: str) -> dict[str, Any]:
-    """What made a result; `Recipe.model_validate` takes its lab sheet."""
+    """Provenance of a result; `Recipe.model_validate` takes its lab sheet."""
     return {
         "recipe": sheet.name,
         "lab_sheet": sheet.model_dump(mode="json", exclude_none=True),

@@ -27,7 +27,7 @@ class _Raw(io.RawIOBase):
         self.refused = False
 
     def write(self, data: "ReadableBuffer") -> int:
-        """As much of it as the system takes; all where it is dropped."""
+        """Writes as much as the system takes; returns its length, or that of all where dropped."""
         while not self.refused:
             try:
                 return os.write(self.descriptor, data)
@@ -48,7 +48,7 @@ class _Raw(io.RawIOBase):
         return self.descriptor
 
     def isatty(self) -> bool:
-        """Whether it is a terminal."""
+        """True for a terminal."""
         return os.isatty(self.descriptor)
 
 
@@ -63,7 +63,7 @@ def guard() -> None:
 
 
 def lost_messages() -> bool:
-    """Whether anything was dropped that standard error was to have."""
+    """True if anything was dropped that standard error was to have."""
     raw = getattr(getattr(sys.stderr, "buffer", None), "raw", None)
     return isinstance(raw, _Raw) and raw.refused
 

@@ -29,7 +29,7 @@ class Case(NamedTuple):
     compression: Compression | None
 
     def as_arrays(self) -> "Case":
-        """The same with the closure and the times as trees of arrays.
+        """Returns the case with the closure and the times as trees of arrays.
 
         Raises:
           InputError: times that are no numbers.
@@ -52,5 +52,5 @@ class Case(NamedTuple):
         return self._replace(parameters=self.parameters.replace(gravity=gravity)), rising
 
     def astype(self, dtype: DTypeLike) -> "Case":
-        """The same with all numbers in one precision."""
+        """Returns the case with all numbers in one precision."""
         return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype), self)

@@ -48,7 +48,7 @@ class Compression:
 
 
 def exchange(compression: Compression, weight: Array, fraction: Array, down: Array) -> Array:
-    """What goes down between cells for each difference in volume fraction; (cells - 1,).
+    """Flux between cells for each difference in volume fraction, downwards; (cells - 1,).
 
     f (d sigma/d phi) / (Delta rho g phi dz), with the secant of sigma and the mean phi of two
     cells: at rest sigma differs by just the weight of the solid between their middles.

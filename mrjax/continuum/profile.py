@@ -9,14 +9,14 @@ from jax import Array
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Column:
-    """What a settling column shows at T times, in C cells from the floor to the initial height.
+    """A settling column at T times, in C cells from the floor to the initial height.
 
     Where a traced call was given too few steps, or what cannot be, every number but the times and
     `courant` is NaN.
     """
 
     times: Array
-    """As given, (T,) in s."""
+    """Times as given, (T,) in s."""
     mudline: Array
     """Height of the interface to the clear fluid, (T,) in m.
 
@@ -40,13 +40,13 @@ class Column:
     begins at its gel fraction.
     """
     sedimentation_ratio: Array
-    """What the suspension and its bed still fill of the initial height; 1, (T,)."""
+    """Share of the initial height that the suspension and its bed still fill; 1, (T,)."""
     volume_fraction: Array
     """Mean of every cell, (T, C); 1."""
     levels: Array
     """Heights of the middles of the cells, (C,) in m."""
     initial_height: Array
-    """Of the suspension, m, ()."""
+    """Height of the suspension at the start, m, ()."""
     courant: Array
     """Cells that the fastest front crosses in a step; 1, ()."""
     steps: int = field(metadata={"static": True})

@@ -23,7 +23,7 @@ HEIGHT, DOTS_PER_INCH = 3.6, 120
 FINENESS = 12.0
 """Pixels to a radius: what that resolution shows of a few hundred particles."""
 SHADES = 24
-"""Of grey: with all of them a GIF takes more than twice the room."""
+"""Levels of grey: with all of them a GIF takes more than twice the room."""
 
 
 def refuse_without_writer(path: Path) -> None:

@@ -1,4 +1,4 @@
-"""How strongly what is observed depends on the parameters: d ln observable / d ln parameter."""
+"""Sensitivities of observables to parameters: d ln observable / d ln parameter."""
 
 from collections.abc import Mapping
 

@@ -15,7 +15,7 @@ from mrjax.core.text import in_figure
 from mrjax.figures.style import COLUMN, PAGE, STYLE
 
 AZIMUTH, ELEVATION = np.radians(25.0), np.radians(12.0)
-"""From where a box is looked at: to the right of its front, and from above."""
+"""Direction from which a box is looked at: to the right of its front, and from above."""
 SUN = np.array([-0.45, 0.55, 0.70])
 """Direction of the light: to the right, up, towards the eye."""
 FINENESS = 30.0
@@ -116,7 +116,7 @@ def inside(position: ArrayLike, box: Box) -> np.ndarray:
 
 
 def seen(points: np.ndarray) -> np.ndarray:
-    """Points (..., 3) as the eye has them: to the right, up, towards it."""
+    """Projects points (..., 3) on the axes of the viewer: to the right, up, towards the eye."""
     right = [np.cos(AZIMUTH), np.sin(AZIMUTH), 0.0]
     back = [-np.sin(AZIMUTH), np.cos(AZIMUTH)]
     up = [*(np.sin(ELEVATION) * np.array(back)), np.cos(ELEVATION)]

@@ -1,4 +1,4 @@
-"""One look for all figures: legible in grey, in the widths and font sizes of a paper's columns."""
+"""The look of all figures: legible in grey, in the widths and font sizes of a paper's columns."""
 
 import matplotlib
 import numpy as np
@@ -44,5 +44,5 @@ LINES = (
 
 
 def interface(run: Run) -> str:
-    """What the mudline of a run, or of several, is."""
+    """The label of the mudline of a run, or of several."""
     return "bottom of the lowest particle" if np.any(run.rising) else "top of the highest particle"

@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 DOTS_PER_INCH = 300
-"""Of figures as PNG."""
+"""Resolution of figures as PNG."""
 MOST_DOTS, MOST_DOTS_IN_ALL = 60_000, 1e8
 """Along a side, and of a whole figure: matplotlib draws no more than 65,535 along a side."""
 Lasting = Literal["name", "content", "nothing"]
 
 SCRATCH = ".mrjax-"
-"""How the names of scratch files begin."""
+"""Beginning of the names of scratch files."""
 WATCHING: ContextVar[Callable[[Path, Path], None] | None] = ContextVar("watching", default=None)
 """Called with the names of a file and of the scratch file about to replace it; it may refuse."""
 
@@ -51,7 +51,7 @@ def result_folder(path: Path) -> Path:
 
 @contextmanager
 def replacing(path: Path, lasting: Lasting = "name") -> Iterator[Path]:
-    """A name beside a file, under which to write what then replaces it at once.
+    """Gives a name beside a file, under which to write what then replaces it at once.
 
     A reader sees the old file or the new, never half of it, even after the power failed; what fails
     leaves the old one. The name is one that nobody can foresee, and was not there before.
@@ -86,7 +86,7 @@ def replacing(path: Path, lasting: Lasting = "name") -> Iterator[Path]:
 
 
 def is_scratch(name: str) -> bool:
-    """Whether a file is what a killed process left of `replacing`."""
+    """True for the name of a file that a killed process left of `replacing`."""
     return re.fullmatch(rf"{re.escape(SCRATCH)}\w{{8}}\.partial(\.\w{{1,15}})?", name) is not None
 
 
@@ -204,7 +204,7 @@ def _umask() -> int:
 
 
 def plain(value: Any) -> Any:
-    """What JSON has a form for: numbers, text, lists, tables; null for what is not finite."""
+    """A value in forms that JSON has: numbers, text, lists, tables; null for what is not finite."""
     if isinstance(value, dict):
         return {str(key): plain(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):

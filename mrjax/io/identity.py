@@ -1,4 +1,4 @@
-"""What tells one function from another when work goes on: its code and all that it reads."""
+"""The identity of a function when work goes on: a digest of its code and of all that it reads."""
 
 import hashlib
 import inspect
@@ -11,8 +11,8 @@ import numpy as np
 
 from mrjax.core.errors import InputError, shown
 
-KEPT = ("mrjax", "jax", "jaxlib", "numpy", "builtins", "math")
-"""Packages whose functions are told by their names: their versions are told besides."""
+VERSIONED_PACKAGES = ("mrjax", "jax", "jaxlib", "numpy", "builtins", "math")
+"""Packages whose functions are identified by name: their versions are recorded besides."""
 
 
 def identity(function: Callable) -> str:
@@ -24,14 +24,14 @@ def identity(function: Callable) -> str:
     name = getattr(function, "__qualname__", type(function).__qualname__)
     if _package(function) == "mrjax":
         return name
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for part in _parts(function, set()):
-        found.update(f"{part}\n".encode())
-    return f"{name} {found.hexdigest()[:16]}"
+        digest.update(f"{part}\n".encode())
+    return f"{name} {digest.hexdigest()[:16]}"
 
 
 def _parts(value: Any, seen: set[int]) -> Iterator[str]:
-    """All that a value is made of, as text."""
+    """Every part of a value, as text."""
     if isinstance(value, str | bytes | bool | int | float | complex) or value is None:
         yield f"{type(value).__name__} {value!r}"
     elif isinstance(value, np.ndarray | np.generic | jax.Array):
@@ -39,20 +39,20 @@ def _parts(value: Any, seen: set[int]) -> Iterator[str]:
         yield f"array {array.dtype} {array.shape} {array.tobytes().hex()}"
     elif isinstance(value, tuple | list | frozenset):
         yield f"{type(value).__name__} {len(value)}"
-        for one in sorted(value, key=repr) if isinstance(value, frozenset) else value:
-            yield from _parts(one, seen)
+        for item in sorted(value, key=repr) if isinstance(value, frozenset) else value:
+            yield from _parts(item, seen)
     elif isinstance(value, CodeType):
         yield f"code {value.co_code.hex()} {value.co_names} {value.co_varnames}"
         yield from _parts(value.co_consts, seen)
     elif isinstance(value, ModuleType):
         yield f"module {value.__name__}"
-    elif _package(value) in KEPT:
+    elif _package(value) in VERSIONED_PACKAGES:
         yield f"{value.__module__}.{getattr(value, '__qualname__', type(value).__qualname__)}"
     elif inspect.isfunction(value):
         yield "function"
         if id(value) not in seen:
             seen.add(id(value))
-            yield from _of_function(value, seen)
+            yield from _parts_of_function(value, seen)
     else:
         raise InputError(
             f"{shown(value)}: is read by a function, and cannot be told from another when the work "
@@ -60,7 +60,7 @@ def _parts(value: Any, seen: set[int]) -> Iterator[str]:
         )
 
 
-def _of_function(function: Callable, seen: set[int]) -> Iterator[str]:
+def _parts_of_function(function: Callable, seen: set[int]) -> Iterator[str]:
     """Code, defaults, and what it finds outside itself."""
     everywhere = function.__globals__
     read = {name: everywhere[name] for name in _names(function.__code__) if name in everywhere}
@@ -74,8 +74,8 @@ def _of_function(function: Callable, seen: set[int]) -> Iterator[str]:
 
 
 def _names(code: CodeType) -> set[str]:
-    """What a function, and those within it, may read from outside."""
-    inner = (one for one in code.co_consts if isinstance(one, CodeType))
+    """Names that a function, and those within it, may read from outside."""
+    inner = (item for item in code.co_consts if isinstance(item, CodeType))
     return set(code.co_names).union(*map(_names, inner))
 
 

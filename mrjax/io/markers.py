@@ -22,7 +22,7 @@ class ForeignError(Exception):
 
 
 def read(path: Path, model: type[M]) -> M | None:
-    """What a file says; None where nothing has its name.
+    """Reads a file as a model; None where nothing has its name.
 
     Raises:
       ForeignError: it is no file, or does not say that.
@@ -42,7 +42,7 @@ def read(path: Path, model: type[M]) -> M | None:
 
 
 def parsed(text: str | bytes, model: type[M]) -> M:
-    """What JSON says.
+    """Parses JSON as a model.
 
     Raises:
       ForeignError: it is something else.

@@ -18,12 +18,12 @@ OTHERS = {
     stat.S_IFCHR: "a device",
     stat.S_IFBLK: "a device",
 }
-"""What goes by a path and is neither a file nor a directory."""
+"""Kinds of paths that are neither a file nor a directory."""
 
 
 @contextmanager
 def opened(path: Path) -> Iterator[BinaryIO]:
-    """A regular file, open to be read as bytes.
+    """Opens a regular file, to be read as bytes.
 
     Raises:
       InputError: a pipe, a socket or a device.
@@ -36,21 +36,21 @@ def opened(path: Path) -> Iterator[BinaryIO]:
 
 
 def content(path: Path, most: int) -> bytes:
-    """All of a file, as long as that is not more than so many bytes.
+    """Reads a file of at most `most` bytes.
 
     Raises:
       InputError: it is, or is no regular file.
       OSError: as for `opened`.
     """
     with opened(path) as file:
-        found = file.read(most + 1) or b""  # nothing: one that would have to be waited for
-    if len(found) > most:
+        data = file.read(most + 1) or b""  # nothing: one that would have to be waited for
+    if len(data) > most:
         raise InputError(f"{path}: is larger than {most / 1e6:g} MB; check the path")
-    return found
+    return data
 
 
 def text(path: Path, most: int) -> str:
-    """The same as text in UTF-8, without a byte order mark.
+    """Reads a file of at most `most` bytes as text in UTF-8, without a byte order mark.
 
     Raises:
       InputError, OSError: as for `content`.
@@ -60,7 +60,7 @@ def text(path: Path, most: int) -> str:
 
 
 def is_file(path: Path) -> bool:
-    """Whether a path leads to a file; what the system takes for no path does not."""
+    """True if a path leads to a file; what the system takes for no path does not."""
     try:
         return path.is_file()
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""Which files in a folder of results mrjax wrote: a command overwrites and deletes no others.
+"""The list of files that mrjax wrote in a folder: a command overwrites and deletes no others.
 
 A list in the folder names them, each with digests of what it may hold: of what was there before,
 and of what takes its place, so that a process may be killed between the two.
@@ -34,7 +34,7 @@ class Results:
 
     @classmethod
     def of(cls, folder: Path) -> "Results":
-        """Those that its list names; none where there is no list.
+        """Reads the list of a folder; none where there is no list.
 
         Raises:
           InputError: what has the name of the list is none.
@@ -56,7 +56,7 @@ class Results:
         """
         for name in names:
             path = self.folder / name
-            if os.path.lexists(path) and not self._ours(name):
+            if os.path.lexists(path) and not self._written_by_mrjax(name):
                 raise InputError(
                     f"{path}: is not as mrjax wrote it, or not of mrjax, and is not overwritten: "
                     "give another --out, or take it away"
@@ -76,7 +76,7 @@ class Results:
         self.listed.digests[path.name] = [*before, _digest(scratch)]
         files.write_json(self.folder / LIST, self.listed.model_dump())
 
-    def _ours(self, name: str) -> bool:
+    def _written_by_mrjax(self, name: str) -> bool:
         path = self.folder / name
         if not stat.S_ISREG(path.lstat().st_mode) or name not in self.listed.digests:
             return False
@@ -85,7 +85,7 @@ class Results:
 
 @contextmanager
 def guarded(folder: Path, names: Iterable[str] = ()) -> Iterator[Results]:
-    """While it lasts, files of a folder are replaced only where mrjax wrote them.
+    """Context in which files of a folder are replaced only where mrjax wrote them.
 
     Args:
       folder: of the results.
@@ -94,11 +94,11 @@ def guarded(folder: Path, names: Iterable[str] = ()) -> Iterator[Results]:
     Raises:
       InputError: one of them is.
     """
-    found = Results.of(folder)
-    found.refuse_foreign(names)
-    before = files.WATCHING.set(found.replace)
+    own_files = Results.of(folder)
+    own_files.refuse_foreign(names)
+    before = files.WATCHING.set(own_files.replace)
     try:
-        yield found
+        yield own_files
     finally:
         files.WATCHING.reset(before)
 

@@ -16,7 +16,7 @@ from mrjax.core.trajectory import Trajectory
 from mrjax.io import npz, state_file
 from mrjax.io.markers import Strict
 
-OF_RUN = {
+RUN_FIELDS = {
     "times_s": "times",
     "heights_m": "heights",
     "radius_m": "radius",
@@ -27,12 +27,16 @@ OF_RUN = {
     "fault": "fault",
 }
 """Fields of `Run` by the names of their arrays."""
-OF_EACH = {"position_m": "position", "velocity_m_per_s": "velocity", "spin_rad_per_s": "spin"}
+BY_PARTICLE = {
+    "position_m": "position",
+    "velocity_m_per_s": "velocity",
+    "spin_rad_per_s": "spin",
+}
 """Fields of `Trajectory`, and of `State`, where it is the last."""
 
 
 class Metadata(Strict):
-    """What a file says of its run."""
+    """The metadata of a run."""
 
     box_size_m: tuple[PositiveFloat, PositiveFloat, PositiveFloat]
     box_periodic: tuple[bool, bool, bool]
@@ -44,28 +48,28 @@ class Metadata(Strict):
 
 SIDE = npz.SIDE_BY_SIDE
 SMALLEST = float(np.finfo(np.float32).smallest_subnormal)
-ALONG = npz.Numbers((SIDE, "F"))
-ONE = npz.Numbers((SIDE,), least=0.0)
-MOVED = npz.Numbers((SIDE, "F", "N", 3), optional=True)
+PER_FRAME = npz.Numbers((SIDE, "F"))
+PER_RUN = npz.Numbers((SIDE,), least=0.0)
+PER_PARTICLE = npz.Numbers((SIDE, "F", "N", 3), optional=True)
 ARRAYS = {
-    "times_s": replace(ALONG, least=0.0),
+    "times_s": replace(PER_FRAME, least=0.0),
     "heights_m": npz.Numbers((SIDE, "F", "N")),
     "radius_m": npz.Numbers((SIDE, "N"), least=SMALLEST),
-    "mean_velocity_m_per_s": ALONG,
-    "mean_speed_m_per_s": replace(ALONG, least=0.0),
-    "deepest_overlap_radii": ONE,
-    "deepest_overlap_coatings": ONE,
+    "mean_velocity_m_per_s": PER_FRAME,
+    "mean_speed_m_per_s": replace(PER_FRAME, least=0.0),
+    "deepest_overlap_radii": PER_RUN,
+    "deepest_overlap_coatings": PER_RUN,
     "fault": npz.Numbers((SIDE,), "int", least=0, most=0),
     "rising": npz.Numbers((SIDE,), "int", least=0, most=1, optional=True),
-    "position_m": replace(MOVED, needs="velocity_m_per_s"),
-    "velocity_m_per_s": replace(MOVED, needs="spin_rad_per_s"),
-    "spin_rad_per_s": replace(MOVED, needs="position_m"),
+    "position_m": replace(PER_PARTICLE, needs="velocity_m_per_s"),
+    "velocity_m_per_s": replace(PER_PARTICLE, needs="spin_rad_per_s"),
+    "spin_rad_per_s": replace(PER_PARTICLE, needs="position_m"),
     **{
-        f"last_{name}" if name in OF_EACH else name: replace(one, shape=(SIDE, *one.shape))
+        f"last_{name}" if name in BY_PARTICLE else name: replace(one, shape=(SIDE, *one.shape))
         for name, one in state_file.ARRAYS.items()
     },
 }
-"""Of runs of N particles at F times."""
+"""Arrays of runs of N particles at F times."""
 SCHEMA = npz.Schema("a file of a run", Metadata, ARRAYS, least={"S": 0, "F": 2})
 
 
@@ -83,12 +87,12 @@ def save_run(path: str | Path, run: Run, made_by: Mapping[str, Any]) -> None:
     """
     path = npz.named(path)
     run.check()
-    arrays = {name: getattr(run, field) for name, field in OF_RUN.items()}
+    arrays = {name: getattr(run, field) for name, field in RUN_FIELDS.items()}
     arrays["rising"] = np.asarray(run.rising, np.int32)
     for name, array in state_file.arrays(run.state).items():
-        arrays[f"last_{name}" if name in OF_EACH else name] = array
+        arrays[f"last_{name}" if name in BY_PARTICLE else name] = array
     if run.trajectory is not None:
-        arrays |= {name: getattr(run.trajectory, field) for name, field in OF_EACH.items()}
+        arrays |= {name: getattr(run.trajectory, field) for name, field in BY_PARTICLE.items()}
     npz.write(
         path,
         arrays,
@@ -120,18 +124,20 @@ def load_run(path: str | Path, *, max_bytes: int = npz.MAX_BYTES) -> tuple[Run, 
     npz.refuse_beyond_single(Path(path), arrays)
     if (np.diff(arrays["times_s"]) < 0.0).any():
         raise InputError(f"{path}: its times go back; give {SCHEMA.what}")
-    found = {name: jnp.asarray(array) for name, array in arrays.items()}
-    rising = found.pop("rising", jnp.zeros(found["fault"].shape, jnp.int32))
-    of_last = {
-        name.removeprefix("last_"): array for name, array in arrays.items() if name not in OF_EACH
+    read = {name: jnp.asarray(array) for name, array in arrays.items()}
+    rising = read.pop("rising", jnp.zeros(read["fault"].shape, jnp.int32))
+    last_state = {
+        name.removeprefix("last_"): array
+        for name, array in arrays.items()
+        if name not in BY_PARTICLE
     }
     moved = None
-    if "position_m" in found:
-        moved = Trajectory(**{field: found[name] for name, field in OF_EACH.items()})
+    if "position_m" in read:
+        moved = Trajectory(**{field: read[name] for name, field in BY_PARTICLE.items()})
     return Run(
-        **{field: found[name] for name, field in OF_RUN.items()},
+        **{field: read[name] for name, field in RUN_FIELDS.items()},
         rising=rising != 0,
-        state=state_file.of_arrays(of_last, told.contact_diameter_m),
+        state=state_file.of_arrays(last_state, told.contact_diameter_m),
         box=Box(told.box_size_m, told.box_periodic),
         time_step=told.time_step_s,
         steps=told.steps,

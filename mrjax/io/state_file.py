@@ -16,7 +16,7 @@ from mrjax.io.markers import Strict
 
 
 class Metadata(Strict):
-    """What a file says of its state."""
+    """The metadata of a state."""
 
     kind: Literal["mrjax state"]
     time_s: FiniteFloat
@@ -34,7 +34,7 @@ ARRAYS = {
     "contact_sliding_m": MEMORY,
     "contact_rolling_rad": MEMORY,
 }
-"""Of a state of N particles with room for S contacts each."""
+"""Arrays of a state of N particles with room for S contacts each."""
 SCHEMA = npz.Schema("a file that save_state wrote", Metadata, ARRAYS, least={"S": 0})
 
 

@@ -24,7 +24,7 @@ from mrjax.io.markers import ForeignError, Strict
 PER_METRE = 1e6
 """Micrometres."""
 OWN = "mrjax-frames.json"
-"""In a folder of frames: how many of them mrjax wrote."""
+"""File in a folder of frames with the number of them that mrjax wrote."""
 
 
 class _Own(Strict):
@@ -186,7 +186,7 @@ def _moved(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _single(values: ArrayLike) -> np.ndarray:
-    """In one piece of memory, as GSD has it."""
+    """An array in one piece of memory, as GSD needs it."""
     return np.ascontiguousarray(values, np.float32)
 
 

@@ -1,1 +1,1 @@
-"""What is read off a run: velocities, heights by several definitions, volume fractions, fronts."""
+"""Observables of a run: velocities, heights by several definitions, volume fractions, fronts."""

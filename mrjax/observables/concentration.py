@@ -75,7 +75,7 @@ def concentration(run: Run, levels: ArrayLike, thickness: ArrayLike) -> Array:
         )
     middle = jnp.asarray(levels, run.heights.dtype)
     half = jnp.asarray(0.5 * thickness, run.heights.dtype)
-    return _of_slabs(run.heights, run.radius, middle, half, _with_floor(run.box))
+    return _slab_fractions(run.heights, run.radius, middle, half, _with_floor(run.box))
 
 
 def half_concentration(run: Run) -> Array:
@@ -146,35 +146,35 @@ def bed_front(
 
 
 @jax.jit
-def _of_slabs(heights: Array, radius: Array, middle: Array, half: Array, box: Box) -> Array:
+def _slab_fractions(heights: Array, radius: Array, middle: Array, half: Array, box: Box) -> Array:
     """`concentration` of slabs of half-thickness `half`, frame after frame."""
     lower, upper = (jnp.clip(edge, 0.0, box.height) for edge in (middle - half, middle + half))
     inside = upper > lower
     volume = _area(box) * jnp.where(inside, upper - lower, 1.0)
 
-    # Of one frame after the other, so that (Z, N) is the most that is held at a time.
+    # One frame after the other, so that (Z, N) is the most that is held at a time.
     @jax.checkpoint
-    def of_frame(heights: Array) -> Array:
+    def one_frame(heights: Array) -> Array:
         solid = solid_below(heights, radius, upper) - solid_below(heights, radius, lower)
         return jnp.where(inside, solid, 0.0) / volume
 
-    return lax.map(of_frame, heights)
+    return lax.map(one_frame, heights)
 
 
 @jax.jit
 def _half_concentration(heights: Array, radius: Array, box: Box) -> Array:
     @jax.checkpoint
-    def of_frame(heights: Array) -> Array:
+    def one_frame(heights: Array) -> Array:
         cell, solid = _column(heights, radius, box)
         return _half_level(cell, solid, jnp.max(heights + radius), radius, box)
 
-    return lax.map(of_frame, heights)
+    return lax.map(one_frame, heights)
 
 
 @jax.jit
 def _bed_front(heights: Array, radius: Array, bed: Array, initial: Array, box: Box) -> Array:
     @jax.checkpoint
-    def of_frame(heights: Array) -> Array:
+    def one_frame(heights: Array) -> Array:
         cell, solid = _column(heights, radius, box)
         top = _half_level(cell, solid, jnp.max(heights + radius), radius, box)
         level, phi = _profile(cell, solid, 2 * CELLS, _area(box), under_floor=bed)
@@ -185,7 +185,7 @@ def _bed_front(heights: Array, radius: Array, bed: Array, initial: Array, box: B
         suspension = top - front
         return top - suspension * jnp.clip(2.0 * suspension / (CELLS * cell) - 1.0, 0.0, 1.0)
 
-    return lax.map(of_frame, heights)
+    return lax.map(one_frame, heights)
 
 
 def _half_level(cell: Array, solid: Array, top: Array, radius: Array, box: Box) -> Array:
@@ -241,7 +241,7 @@ def _profile(
 
 
 def _crossing(level: Array, surplus: Array, after: Array) -> Array:
-    """Where the surplus, linear between levels, is used up on the way to that level; m, ()."""
+    """Level at which the surplus, linear between levels, falls to zero; m, ()."""
     have, lack = surplus[after - 1], -surplus[after]
     both = have + lack
     # No fall, no crossing: the caller takes another value, and must find this one finite.

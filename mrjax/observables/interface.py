@@ -1,4 +1,4 @@
-"""What an experimenter would read off a run: velocities, heights by several definitions, ratios.
+"""Readings of a run: velocities, heights by several definitions, sedimentation ratios.
 
 Velocities are positive downwards. Where particles rise (`Run.rising`) the clear layer is below and
 the bed under the lid: all is then read in the mirror, and heights are those of the lower interface.
@@ -75,8 +75,8 @@ def mass_quantile(run: Run, fraction: float = 0.95) -> Array:
     """Level below which a fraction of the solid volume lies, exact; m, (frames + 1,).
 
     Above which, where particles rise. Of the mass, too, where all particles have one density.
-    It lies below the top of a uniform bed by that fraction of its height. Where a gap between
-    particles makes it any of an interval, one of them, without a slope.
+    It lies below the top of a uniform bed by that fraction of its height. If a gap between
+    particles makes the quantile ambiguous, a point of the gap, with zero derivative.
 
     Args:
       run: at least one frame.
@@ -197,7 +197,7 @@ def _mass_quantile(heights: Array, radius: Array, fraction: ArrayLike) -> Array:
     solid = fraction * jnp.sum(4.0 / 3.0 * jnp.pi * radius**3)
 
     @jax.checkpoint
-    def of_frame(heights: Array) -> Array:
+    def one_frame(heights: Array) -> Array:
         def missing(level: Array) -> Array:
             return solid_below(heights, radius, level[None])[0] - solid
 
@@ -219,4 +219,4 @@ def _mass_quantile(heights: Array, radius: Array, fraction: ArrayLike) -> Array:
         start = jnp.zeros((), heights.dtype)
         return lax.custom_root(missing, start, bisection, divided_by_slope)
 
-    return lax.map(of_frame, heights)
+    return lax.map(one_frame, heights)

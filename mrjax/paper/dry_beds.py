@@ -13,14 +13,14 @@ from mrjax.core.run import Run
 from mrjax.recipe.recipe import Recipe
 
 INFERRED_FRICTION = 0.2
-"""Not given by the paper: inferred, as one coefficient whose beds between walls have the printed
+"""Friction coefficient that the paper does not give, inferred: beds between walls have the printed
 final ratios of both samples within 1.2 points, by the top of the highest particle; 0.3 does as well
 (six starts each, `tests/studies/settling/README.md`)."""
 
 ELASTIC_MODULUS = 1e7
-"""Of particles and walls, Pa: the deepest impact is then 0.3 % of a radius."""
+"""Modulus of particles and walls, Pa: the deepest impact is then 0.3 % of a radius."""
 RESTITUTION = 0.5
-"""It hardly matters: the height of a bed changes by about a point from 0.1 to 0.9."""
+"""Its value hardly matters: the height of a bed changes by about a point from 0.1 to 0.9."""
 TIME_STEP, LONGEST = 5e-8, 0.05
 """s, s."""
 REST, REST_WITHOUT_FRICTION = 3e-4, 5e-3

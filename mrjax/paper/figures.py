@@ -26,7 +26,7 @@ COMPARED = ("case2", "case3")
 
 @dataclass(frozen=True)
 class PaperFigure:
-    """One of the paper's figures, drawn from the results here."""
+    """A figure of the paper, drawn from the results here."""
 
     number: int
     figure: Figure
@@ -34,7 +34,7 @@ class PaperFigure:
 
     @property
     def name(self) -> str:
-        """That of its files, without their ending."""
+        """The name of its files, without their ending."""
         return f"figure-{self.number}"
 
 

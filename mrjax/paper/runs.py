@@ -33,7 +33,7 @@ class Simulated:
     beds: dict[str, Run]
     """M dropped beds by case; case1 and case2 differ by their drag only and share theirs."""
     dispersed: dict[str, State]
-    """By case, the suspension that became the first of the beds."""
+    """The suspension that became the first of the beds, by case."""
 
     def final_ratios(self, case: str) -> Array:
         """Top of the highest particle at rest over the height of the box; %, (M,)."""

@@ -50,7 +50,7 @@ class Recipe(Suspension):
         return sheets.validated(cls, table, str(source))
 
     def replace(self, **changes: Any) -> "Recipe":
-        """The same sheet with some of it changed, and checked again.
+        """Returns the sheet with some of it changed, and checked again.
 
             recipe.replace(gravity=1.62, fluid={"viscosity": 0.1}, coating=None)
 

@@ -20,7 +20,7 @@ from mrjax.recipe import toml_limits
 MOST_BYTES = 10**6
 """Size of a file beyond which it is no sheet that anyone has written."""
 SMALLEST, LARGEST = 1e-30, 1e30
-"""Of numbers beside 0, in any unit: what follows from others is not finite."""
+"""Bounds of numbers beside 0, in any unit: what follows from others is not finite."""
 LONGEST_NAME, LONGEST_PATH = 200, 1000
 """Characters."""
 
@@ -55,7 +55,7 @@ def _one_line(most: int) -> Callable[[str], str]:
 
 
 Name = Annotated[str, AfterValidator(_one_line(LONGEST_NAME))]
-"""Of a recipe, an experiment, a sample or a parameter, as it is repeated in messages."""
+"""The name of a recipe, an experiment, a sample or a parameter, as messages repeat it."""
 FileName = Annotated[str, AfterValidator(_one_line(LONGEST_PATH))]
 """A path, or what is bundled by its name."""
 
@@ -150,7 +150,7 @@ def validated(model: type[SheetType], table: dict[str, Any], source: str) -> She
 
 
 def first_fault(model: type[Sheet], error: ValidationError) -> str:
-    """One line: the key, its value, what is wrong and what to give."""
+    """The first fault in one line: the key, its value, what is wrong and what to give."""
     faults = error.errors(include_url=False)
     # A misspelt key is also a missing one: name the spelling.
     fault = min(faults, key=lambda fault: fault["type"] != "extra_forbidden")
@@ -190,7 +190,7 @@ def _problem(fault: ErrorDetails) -> str:
 
 
 def _is_branch(part: Any) -> bool:
-    """Whether a part of an error's location names a branch of a union, not a key."""
+    """True if a part of an error's location names a branch of a union, not a key."""
     return isinstance(part, str) and ("[" in part or part in {"float", "str", "int"})
 
 

@@ -128,7 +128,7 @@ Sizes = Classes | LogNormal
 
 
 def parse(diameter: Any) -> Sizes:
-    """What a lab sheet gives as `diameter`: a list, or a table of a distribution.
+    """Parses the `diameter` of a lab sheet: a list, or a table of a distribution.
 
     Raises:
       InputError: what it gives is none of these.

@@ -188,7 +188,7 @@ class Drag(Sheet):
 
 
 class Contact(Sheet):
-    """What happens when particles touch."""
+    """Friction, damping and rolling resistance of surfaces that touch."""
 
     friction: float = Field(
         default=0.0, ge=0, le=1e3, description="Coulomb's coefficient, at least 0"

@@ -1,4 +1,4 @@
-"""What no lab sheet needs, refused before a TOML reader spends time on it.
+"""Limits on the text of a lab sheet, applied before a TOML reader spends time on it.
 
 A reader's time grows as the square of the parts of a key, and with every level of nesting. Here one
 look at each word is enough.
@@ -9,7 +9,7 @@ import re
 from mrjax.core.errors import InputError
 
 MOST_PARTS = 16
-"""Of a key, such as the three of `a.b.c`; a sheet has keys of two."""
+"""Most parts of a key, such as the three of `a.b.c`; a sheet has keys of two."""
 MOST_DEEP = 16
 """Tables and lists in each other; a sheet has four."""
 MOST_KEYS = 20_000

@@ -1,4 +1,4 @@
-"""All that follows from a lab sheet without running it."""
+"""Quantities that follow from a lab sheet without running it."""
 
 from dataclasses import dataclass
 
@@ -18,12 +18,12 @@ from mrjax.simulation.softening import softened
 
 @dataclass(frozen=True)
 class Quantity:
-    """What follows from a sheet."""
+    """A quantity that follows from a sheet."""
 
     key: str
     """An identifier."""
     name: str
-    """In words."""
+    """The name in words."""
     value: float
     unit: str
 
@@ -39,15 +39,15 @@ def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
       InputError: a sheet of which a run cannot be made.
     """
     parameters, count = recipe.parameters(), recipe.particle_count
-    of = evaluate_with_numpy(_of, parameters)
+    particles = evaluate_with_numpy(_of_particles, parameters)
     soft = softened(parameters, recipe.box, count, overlap)
     way = estimates.Way(recipe.box.height, recipe.box.height)
     fall, falling = estimates.duration(soft, recipe.box, count, way)
     step = estimates.step(soft, recipe.box, count, falling, recipe.hindrance)
     factor = float(soft.elastic_modulus) / float(parameters.elastic_modulus)
-    numbers = dimensionless.numbers(parameters, of["velocity"])
+    numbers = dimensionless.numbers(parameters, particles["velocity"])
     rest, steps = estimates.TIMES_FREE_FALL * fall, estimates.TIMES_FREE_FALL * fall / step
-    found = [
+    quantities = [
         ("particles", "particles in the box", count, "1"),
         ("volume_fraction", "volume fraction of particles", recipe.volume_fraction, "1"),
         (
@@ -56,8 +56,8 @@ def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
             recipe.coated_volume_fraction,
             "1",
         ),
-        ("smallest_diameter", "smallest coated diameter", 2e6 * of["smallest"], "um"),
-        ("largest_diameter", "largest coated diameter", 2e6 * of["largest"], "um"),
+        ("smallest_diameter", "smallest coated diameter", 2e6 * particles["smallest"], "um"),
+        ("largest_diameter", "largest coated diameter", 2e6 * particles["largest"], "um"),
         ("density", "density of coated particles", recipe.apparent_density, "kg/m^3"),
         ("f_w", "f_w, crowding", recipe.f_w, "1"),
         ("f_s", "f_s, shape", recipe.f_s, "1"),
@@ -66,13 +66,16 @@ def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
         (
             "settling_velocity",
             "settling velocity (Eq. 27)",
-            MM_PER_DAY * np.mean(of["velocity"]),
+            MM_PER_DAY * np.mean(particles["velocity"]),
             "mm/day",
         ),
-        *((f"{one.name.lower()}_number", f"{one.name} number", one.value, "1") for one in numbers),
-        ("relaxation_time", "relaxation time", of["relaxation"], "s"),
-        ("rayleigh_time", "Rayleigh time of a contact (Eq. 26)", of["rayleigh"], "s"),
-        ("time_step", "step that resolves both (Eq. 29)", of["step"], "s"),
+        *(
+            (f"{number.name.lower()}_number", f"{number.name} number", number.value, "1")
+            for number in numbers
+        ),
+        ("relaxation_time", "relaxation time", particles["relaxation"], "s"),
+        ("rayleigh_time", "Rayleigh time of a contact (Eq. 26)", particles["rayleigh"], "s"),
+        ("time_step", "step that resolves both (Eq. 29)", particles["step"], "s"),
         ("softening", f"factor on moduli for an overlap of {overlap:g} radii", factor, "1"),
         ("time_step_to_rest", "step of a run to rest", step, "s"),
         ("duration_to_rest", "duration of a run to rest, about", rest, "s"),
@@ -84,18 +87,18 @@ def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
             "s",
         ),
     ]
-    return [Quantity(key, name, float(value), unit) for key, name, value, unit in found]
+    return [Quantity(key, name, float(value), unit) for key, name, value, unit in quantities]
 
 
 def warnings(recipe: Recipe) -> list[str]:
-    """One line for each assumption of the model that the suspension does not meet."""
+    """Warnings, one line for each assumption of the model that the suspension does not meet."""
     parameters = recipe.parameters()
-    velocity = evaluate_with_numpy(_of, parameters)["velocity"]
+    velocity = evaluate_with_numpy(_of_particles, parameters)["velocity"]
     return dimensionless.warnings(dimensionless.numbers(parameters, velocity))
 
 
-def _of(parameters: Parameters) -> dict[str, Array]:
-    """What follows without a box, SI: of all particles but for the velocity, () or (N,)."""
+def _of_particles(parameters: Parameters) -> dict[str, Array]:
+    """Extremes over all particles, and the velocity of each, () or (N,); SI, without a box."""
     outer = particle.outer_radius(parameters)
     return {
         "smallest": jnp.min(outer),

@@ -26,11 +26,11 @@ from mrjax.laws import particle
 from mrjax.recipe.recipe import Recipe
 
 CLEARANCE = 0.005
-"""How much larger than the particles the soft spheres are."""
+"""Relative excess of the soft spheres' radii over the particles'."""
 STEPS_BETWEEN_REBUILDS = 25
 MOST_REBUILDS = 400
 SKIN = 1.0
-"""Of the neighbour list, in radii. No particle leaves it within a burst: moves are cut short."""
+"""Skin of the neighbour list, in radii. Moves are cut short, so that none leaves it in a burst."""
 
 
 def disperse(recipe: Recipe, seed: int = 0, *, dtype: DTypeLike = float) -> State:
@@ -99,10 +99,10 @@ def _relax(position: Array, radius: Array, box: Box, plan: ListPlan) -> tuple[Ar
             jnp.broadcast_to(position, (*listed.partner.shape, 3)), position[listed.partner]
         )
         square = jnp.sum(vector**2, axis=-1)
-        apart = listed.present & (square > 0.0)
-        distance = jnp.sqrt(jnp.where(apart, square, 1.0))
+        distinct = listed.present & (square > 0.0)
+        distance = jnp.sqrt(jnp.where(distinct, square, 1.0))
         overlap = swollen[None, :] + swollen[listed.partner] - distance
-        pairs = 0.25 * jnp.sum(jnp.where(apart, jnp.maximum(overlap, 0.0), 0.0) ** 2)
+        pairs = 0.25 * jnp.sum(jnp.where(distinct, jnp.maximum(overlap, 0.0), 0.0) ** 2)
         return pairs + sum(
             0.5 * jnp.sum(jnp.maximum(_wall_overlap(position, swollen, box, axis), 0.0) ** 2)
             for axis in box.walled_axes

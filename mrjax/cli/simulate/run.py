@@ -27,13 +27,13 @@ WRITES = ("summary.json", "curve.csv", "run.npz", "settling.png")
 
 @dataclass(frozen=True)
 class Plan:
-    """What is known before a run."""
+    """Decisions before a run."""
 
     request: Request
     sheet: Recipe
     parameters: Parameters
     relaxation_time: float
-    """Of the slowest particle, s."""
+    """Relaxation time of the slowest particle, s."""
     folder: Path
     """For the results."""
     progress: bool

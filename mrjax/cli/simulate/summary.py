@@ -12,7 +12,7 @@ from mrjax.laws import dimensionless
 
 
 def made_by(plan: Plan) -> dict[str, Any]:
-    """What made the results: lab sheet, seed, versions and, to rest, the overlap."""
+    """Provenance of the results: lab sheet, seed, versions and, to rest, the overlap."""
     request = plan.request
     described = provenance.made_by(plan.sheet, request.seed, request.dtype)
     return described | ({"overlap_radii": request.overlap} if request.to_rest else {})

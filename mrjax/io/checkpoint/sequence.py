@@ -89,7 +89,7 @@ class Sequence:
         return pieces, ""
 
     def _state(self, place: int) -> Piece | None:
-        """One of the two last states; None where it is not there, or damaged."""
+        """The last state or the one before it; None where it is not there, or damaged."""
         try:
             state = self._store.read(self._state_name(place))
         except DamagedError as error:

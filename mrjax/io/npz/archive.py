@@ -36,7 +36,7 @@ HEADER = re.compile(
     rb"\{\s*'descr':\s*'([<>|=]?[biufcU]\d{1,9})',\s*'fortran_order':\s*(False|True),"
     rb"\s*'shape':\s*\(((?:\d{1,19},\s*)*(?:\d{1,19})?)\),?\s*\}\s*"
 )
-"""What numpy has written since its first version; nothing of it is evaluated."""
+"""The header that numpy has written since its first version; nothing of it is evaluated."""
 
 
 @dataclass(frozen=True)

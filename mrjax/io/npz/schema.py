@@ -25,7 +25,7 @@ class Numbers:
     """Requirements on an array."""
 
     shape: tuple[int | str, ...]
-    """Lengths of its axes; those of one name agree in all arrays."""
+    """Lengths of the axes; those of one name agree in all arrays."""
     kind: str = "float"
     """`float`, of 32 or 64 bits, the same in all arrays; or `int`, of 32 bits."""
     least: float = -math.inf
@@ -46,7 +46,7 @@ class Schema(Generic[M]):
     """Words for such a file in a message: `a file that save_state wrote`."""
     metadata: type[M]
     arrays: Mapping[str, Numbers] | None
-    """By name; None for numbers of any name and shape, which must not be compressed."""
+    """Requirements by name; None for any name and shape, which must not be compressed."""
     least: Mapping[str, int] = field(default_factory=dict)
     """Length of axes by name; 1 where not given."""
 

@@ -1,4 +1,4 @@
-"""How long processes wait for each other, s."""
+"""Times that processes wait for each other, s."""
 
 PATIENCE = 300.0
 """Longest wait until all processes are there."""
