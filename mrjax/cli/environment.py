@@ -97,14 +97,14 @@ def _refuse_flags() -> None:
     command = [sys.executable, "-c", PARSES_FLAGS]
     done = subprocess.run(command, capture_output=True, check=False, text=True, errors="replace")
     if done.returncode:
-        said = re.search(r"^[EF]\d.*?\] (.*)", done.stderr, re.MULTILINE)
-        reason = f" ({said[1].rstrip('.')})" if said else ""
+        match = re.search(r"^[EF]\d.*?\] (.*)", done.stderr, re.MULTILINE)
+        reason = f" ({match[1].rstrip('.')})" if match else ""
         raise InputError(
             f"{FLAGS} = {shown(flags)}: XLA cannot read that{reason}; correct it, or unset it"
         )
 
 
 def _reason(error: Exception) -> str:
-    """The beginning of what JAX says."""
-    said = str(error).splitlines() or [type(error).__name__]
-    return said[0].partition(" (set JAX_PLATFORMS")[0].rstrip(".")
+    """The first line of an error of JAX, without its advice."""
+    lines = str(error).splitlines() or [type(error).__name__]
+    return lines[0].partition(" (set JAX_PLATFORMS")[0].rstrip(".")

@@ -40,8 +40,8 @@ def force_distribution(state: State, parameters: Parameters, box: Box) -> Figure
     figure = Figure(figsize=(COLUMN, 2.4), layout="constrained")
     axes = figure.subplots()
     middle = 0.5 * (edges[1:] + edges[:-1])
-    held = density > 0.0
-    axes.semilogy(middle[held], density[held], "ko", ms=3, label=f"{len(ratio)} contacts")
+    filled = density > 0.0
+    axes.semilogy(middle[filled], density[filled], "ko", ms=3, label=f"{len(ratio)} contacts")
     smooth = np.linspace(0.0, edges[-1], 100)
     axes.semilogy(smooth, np.exp(-smooth), "--", color="0.5", label="exponential, the same mean")
     axes.set_xlim(0.0, edges[-1])
@@ -62,20 +62,20 @@ def force_chains(state: State, parameters: Parameters, box: Box) -> Figure:
     Raises:
       InputError: nothing touches.
     """
-    found = _touching(state, parameters, box)
+    contacts = _touching(state, parameters, box)
     size = np.asarray(box.size)
     centres = spheres.inside(state.position, box)
     radius = np.asarray(per_particle(particle.outer_radius(parameters), state.particles))
-    seen = spheres.seen(centres)
-    ends = spheres.seen(centres[found.first] + found.reach)
-    strength = np.minimum(found.force / found.force.mean(), STRONG) / STRONG
+    projected = spheres.project(centres)
+    ends = spheres.project(centres[contacts.first] + contacts.reach)
+    strength = np.minimum(contacts.force / contacts.force.mean(), STRONG) / STRONG
     weakest_first = np.argsort(strength)
     width, height = np.ptp(spheres.bounds(size)[:, :2], axis=0)
     figure = Figure(figsize=(COLUMN, 0.3 + COLUMN * min(height / width, 1.3)), layout="constrained")
     axes = figure.subplots()
     axes.add_collection(
         PatchCollection(
-            [Circle(place, own) for place, own in zip(seen[:, :2], radius, strict=True)],
+            [Circle(place, own) for place, own in zip(projected[:, :2], radius, strict=True)],
             facecolor="none",
             edgecolor="0.85",
             linewidth=0.4,
@@ -84,7 +84,7 @@ def force_chains(state: State, parameters: Parameters, box: Box) -> Figure:
     )
     axes.add_collection(
         LineCollection(
-            list(np.stack([seen[found.first, :2], ends[:, :2]], axis=1)[weakest_first]),
+            list(np.stack([projected[contacts.first, :2], ends[:, :2]], axis=1)[weakest_first]),
             linewidths=THICKEST * strength[weakest_first],
             colors=[str(shade) for shade in 0.6 * (1.0 - strength[weakest_first])],
             capstyle="round",
@@ -92,16 +92,16 @@ def force_chains(state: State, parameters: Parameters, box: Box) -> Figure:
         )
     )
     spheres.draw_box(axes, size)
-    mean = _with_prefix(found.force.mean())
-    axes.set_title(f"{len(found.force)} contacts, mean normal force {mean}")
+    mean = _with_prefix(contacts.force.mean())
+    axes.set_title(f"{len(contacts.force)} contacts, mean normal force {mean}")
     return figure
 
 
 def _touching(state: State, parameters: Parameters, box: Box) -> ContactList:
-    found = normal_forces(state, parameters, box)
-    if not len(found.force):
+    contacts = normal_forces(state, parameters, box)
+    if not len(contacts.force):
         raise InputError("nothing touches in this state: give that of a bed")
-    return found
+    return contacts
 
 
 def _with_prefix(force: float) -> str:

@@ -84,6 +84,6 @@ def _finite(exponents: Mapping[str, ArrayLike], dimensions: int) -> dict[str, np
     values = {name: np.asarray(value, float) for name, value in exponents.items()}
     for name, value in values.items():
         if value.ndim != dimensions or not np.isfinite(value).all():
-            wanted = "a number" if dimensions == 0 else "a number for every time"
-            raise InputError(f"exponents[{name!r}] = {value}: give {wanted}, finite")
+            needed = "a number" if dimensions == 0 else "a number for every time"
+            raise InputError(f"exponents[{name!r}] = {value}: give {needed}, finite")
     return values

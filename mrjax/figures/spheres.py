@@ -94,14 +94,14 @@ def draw(
 
 def draw_box(axes: Axes, size: np.ndarray) -> None:
     """The edges of a box, those behind what is in it and those in front."""
-    corners = seen(size * np.array(list(product((0, 1), repeat=3))))
+    corners = project(size * np.array(list(product((0, 1), repeat=3))))
     low, high = bounds(size)
     farthest = corners[:, 2].argmin()
-    for one, other in product(range(8), repeat=2):
+    for first, second in product(range(8), repeat=2):
         # Corners are numbered in binary: an edge joins two that differ in one digit.
-        if one < other and (one ^ other).bit_count() == 1:
-            behind = farthest in (one, other)
-            ends = corners[[one, other]]
+        if first < second and (first ^ second).bit_count() == 1:
+            behind = farthest in (first, second)
+            ends = corners[[first, second]]
             axes.plot(*ends[:, :2].T, "k-", linewidth=0.7, zorder=0 if behind else 3)
     margin = 0.01 * size.max()
     axes.set_xlim(low[0] - margin, high[0] + margin)
@@ -115,7 +115,7 @@ def inside(position: ArrayLike, box: Box) -> np.ndarray:
     return box.inside(np.asarray(position, float))
 
 
-def seen(points: np.ndarray) -> np.ndarray:
+def project(points: np.ndarray) -> np.ndarray:
     """Projects points (..., 3) on the axes of the viewer: to the right, up, towards the eye."""
     right = [np.cos(AZIMUTH), np.sin(AZIMUTH), 0.0]
     back = [-np.sin(AZIMUTH), np.cos(AZIMUTH)]
@@ -125,7 +125,7 @@ def seen(points: np.ndarray) -> np.ndarray:
 
 def bounds(size: np.ndarray) -> np.ndarray:
     """The least and the greatest of a box as the eye has it; (2, 3)."""
-    corners = seen(size * np.array(list(product((0, 1), repeat=3))))
+    corners = project(size * np.array(list(product((0, 1), repeat=3))))
     return np.array([corners.min(axis=0), corners.max(axis=0)])
 
 
@@ -136,7 +136,7 @@ def image(
 
     Lambert's law in parallel light, and darker with depth. Masked where there is no sphere.
     """
-    centres, radius = seen(centres), np.broadcast_to(radius, len(centres))
+    centres, radius = project(centres), np.broadcast_to(radius, len(centres))
     low, high = bounds(size)
     pixel = max(radius.max() / fineness, (high - low)[:2].max() / MOST_PIXELS)
     (columns, width), (rows, height) = (

@@ -65,8 +65,10 @@ ARRAYS = {
     "velocity_m_per_s": replace(PER_PARTICLE, needs="spin_rad_per_s"),
     "spin_rad_per_s": replace(PER_PARTICLE, needs="position_m"),
     **{
-        f"last_{name}" if name in BY_PARTICLE else name: replace(one, shape=(SIDE, *one.shape))
-        for name, one in state_file.ARRAYS.items()
+        f"last_{name}" if name in BY_PARTICLE else name: replace(
+            numbers, shape=(SIDE, *numbers.shape)
+        )
+        for name, numbers in state_file.ARRAYS.items()
     },
 }
 """Arrays of runs of N particles at F times."""
@@ -120,26 +122,26 @@ def load_run(path: str | Path, *, max_bytes: int = npz.MAX_BYTES) -> tuple[Run, 
     Raises:
       InputError: no such file, or not of a run, or damaged, or larger.
     """
-    arrays, told = npz.read(Path(path), SCHEMA, max_bytes)
+    arrays, metadata = npz.read(Path(path), SCHEMA, max_bytes)
     npz.refuse_beyond_single(Path(path), arrays)
     if (np.diff(arrays["times_s"]) < 0.0).any():
         raise InputError(f"{path}: its times go back; give {SCHEMA.what}")
-    read = {name: jnp.asarray(array) for name, array in arrays.items()}
-    rising = read.pop("rising", jnp.zeros(read["fault"].shape, jnp.int32))
+    leaves = {name: jnp.asarray(array) for name, array in arrays.items()}
+    rising = leaves.pop("rising", jnp.zeros(leaves["fault"].shape, jnp.int32))
     last_state = {
         name.removeprefix("last_"): array
         for name, array in arrays.items()
         if name not in BY_PARTICLE
     }
-    moved = None
-    if "position_m" in read:
-        moved = Trajectory(**{field: read[name] for name, field in BY_PARTICLE.items()})
+    trajectory = None
+    if "position_m" in leaves:
+        trajectory = Trajectory(**{field: leaves[name] for name, field in BY_PARTICLE.items()})
     return Run(
-        **{field: read[name] for name, field in RUN_FIELDS.items()},
+        **{field: leaves[name] for name, field in RUN_FIELDS.items()},
         rising=rising != 0,
-        state=state_file.of_arrays(last_state, told.contact_diameter_m),
-        box=Box(told.box_size_m, told.box_periodic),
-        time_step=told.time_step_s,
-        steps=told.steps,
-        trajectory=moved,
-    ), told.made_by
+        state=state_file.of_arrays(last_state, metadata.contact_diameter_m),
+        box=Box(metadata.box_size_m, metadata.box_periodic),
+        time_step=metadata.time_step_s,
+        steps=metadata.steps,
+        trajectory=trajectory,
+    ), metadata.made_by

@@ -54,14 +54,14 @@ def save_state(path: str | Path, state: State, time: float = 0.0) -> None:
         raise InputError(
             "these are states of several runs: give one, jax.tree.map(lambda leaf: leaf[0], state)"
         )
-    found = arrays(state)
-    for name, array in (found | {"time": np.asarray(time)}).items():
+    by_name = arrays(state)
+    for name, array in (by_name | {"time": np.asarray(time)}).items():
         if not np.isfinite(array).all():
             raise InputError(f"{name} is not finite everywhere: such a state is no start of a run")
-    told = Metadata(
+    metadata = Metadata(
         kind="mrjax state", time_s=float(time), contact_diameter_m=state.contact_diameter
     )
-    npz.write(path, found, told.model_dump())
+    npz.write(path, by_name, metadata.model_dump())
 
 
 def load_state(path: str | Path, *, max_bytes: int = npz.MAX_BYTES) -> State:
@@ -77,26 +77,26 @@ def load_state(path: str | Path, *, max_bytes: int = npz.MAX_BYTES) -> State:
     Raises:
       InputError: no such file, one of something else, a damaged one, or a larger one.
     """
-    stored, told = npz.read(Path(path), SCHEMA, max_bytes)
+    stored, metadata = npz.read(Path(path), SCHEMA, max_bytes)
     npz.refuse_beyond_single(Path(path), stored)
-    return of_arrays(stored, told.contact_diameter_m)
+    return of_arrays(stored, metadata.contact_diameter_m)
 
 
 def arrays(state: State) -> dict[str, np.ndarray]:
     """All arrays of a state by name."""
-    found = {
+    by_name = {
         "position_m": state.position,
         "velocity_m_per_s": state.velocity,
         "spin_rad_per_s": state.spin,
         "material": state.material,
     }
     if state.contacts is not None:
-        found |= {
+        by_name |= {
             "contact_partner": state.contacts.partner,
             "contact_sliding_m": state.contacts.sliding,
             "contact_rolling_rad": state.contacts.rolling,
         }
-    return {name: np.asarray(array) for name, array in found.items() if array is not None}
+    return {name: np.asarray(array) for name, array in by_name.items() if array is not None}
 
 
 def of_arrays(stored: Mapping[str, np.ndarray], contact_diameter: float | None) -> State:

@@ -27,12 +27,12 @@ OWN = "mrjax-frames.json"
 """File in a folder of frames with the number of them that mrjax wrote."""
 
 
-class _Own(Strict):
+class _FrameCount(Strict):
     kind: Literal["mrjax frames"]
     frames: NonNegativeInt
 
     @classmethod
-    def of(cls, frames: int) -> "_Own":
+    def of(cls, frames: int) -> "_FrameCount":
         return cls(kind="mrjax frames", frames=frames)
 
 
@@ -55,13 +55,13 @@ def write_gsd(path: str | Path, run: Run, metadata: Mapping[str, Any]) -> None:
     """
     import gsd.hoomd
 
-    position, velocity, spin = _moved(run)
+    position, velocity, spin = _trajectory(run)
     size = np.asarray(run.box.size)
     image = run.box.image(position)
     centred = position - size * (image + 0.5)
     material = run.state.material
     index = np.zeros(run.state.particles) if material is None else np.asarray(material)
-    types = [f"material {one}" for one in range(int(index.max()) + 1)]
+    types = [f"material {number}" for number in range(int(index.max()) + 1)]
     with files.replacing(Path(path)) as scratch, gsd.hoomd.open(scratch, "w") as written:
         for number, time in enumerate(np.asarray(run.times, float)):
             frame = gsd.hoomd.Frame()
@@ -103,7 +103,7 @@ def write_vtk(path: str | Path, run: Run) -> None:
     """
     from pyevtk.hl import pointsToVTK
 
-    position, velocity, spin = _moved(run)
+    position, velocity, spin = _trajectory(run)
     centres = (PER_METRE * run.box.inside(position)).astype(position.dtype)
     of_each = {
         "radius_um": PER_METRE * np.asarray(run.radius),
@@ -121,7 +121,7 @@ def write_vtk(path: str | Path, run: Run) -> None:
     with refusals.writing(frames):
         frames.mkdir(exist_ok=True)
     files.write_text(path, _listed([]))  # what it listed is about to change
-    files.write_json(frames / OWN, _Own.of(max(before, len(position))).model_dump())
+    files.write_json(frames / OWN, _FrameCount.of(max(before, len(position))).model_dump())
     lines = []
     for number, time in enumerate(np.asarray(run.times, float)):
         moving = {
@@ -135,7 +135,7 @@ def write_vtk(path: str | Path, run: Run) -> None:
         lines.append(f'    <DataSet timestep="{float(time)!r}" part="0" file={name}/>\n')
     for number in range(len(position), before):
         (frames / f"{number:06d}.vtu").unlink(missing_ok=True)
-    files.write_json(frames / OWN, _Own.of(len(position)).model_dump())
+    files.write_json(frames / OWN, _FrameCount.of(len(position)).model_dump())
     files.write_text(path, _listed(lines))
 
 
@@ -158,7 +158,7 @@ def _refuse_foreign(folder: Path, frames: int) -> int:
     if not folder.is_dir():
         return 0
     try:
-        own = (markers.read(folder / OWN, _Own) or _Own.of(0)).frames
+        own = (markers.read(folder / OWN, _FrameCount) or _FrameCount.of(0)).frames
     except ForeignError as error:
         raise InputError(
             f"{folder / OWN}: is not as mrjax wrote it ({error}); give another name"
@@ -172,7 +172,7 @@ def _refuse_foreign(folder: Path, frames: int) -> int:
     return own
 
 
-def _moved(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _trajectory(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Positions, velocities and spins, (frames + 1, N, 3) in SI."""
     run.check()
     if run.trajectory is None:
@@ -181,8 +181,12 @@ def _moved(run: Run) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         raise InputError(
             "these are several runs: give one of them, jax.tree.map(lambda leaf: leaf[0], run)"
         )
-    seen = run.trajectory
-    return np.asarray(seen.position), np.asarray(seen.velocity), np.asarray(seen.spin)
+    trajectory = run.trajectory
+    return (
+        np.asarray(trajectory.position),
+        np.asarray(trajectory.velocity),
+        np.asarray(trajectory.spin),
+    )
 
 
 def _single(values: ArrayLike) -> np.ndarray:

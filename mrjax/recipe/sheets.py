@@ -37,8 +37,8 @@ class Sheet(BaseModel):
     @classmethod
     def _measurable(cls, value: Any) -> Any:
         parts = value.values() if isinstance(value, dict) else value
-        for one in parts if isinstance(value, dict | list) else [value]:
-            if isinstance(one, float) and one and not SMALLEST <= abs(one) <= LARGEST:
+        for part in parts if isinstance(value, dict | list) else [value]:
+            if isinstance(part, float) and part and not SMALLEST <= abs(part) <= LARGEST:
                 raise PydanticCustomError("beyond", "must be 0, or between 1e-30 and 1e30 in size")
         return value
 
@@ -125,8 +125,8 @@ def _tables(content: str, source: str) -> dict[str, Any]:
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
     except tomllib.TOMLDecodeError as error:
-        said = shortened(" ".join(str(error).split()), 2 * LONGEST)  # its end says where
-        raise InputError(f"{source}: is not TOML: {said}; mend that line") from None
+        message = shortened(" ".join(str(error).split()), 2 * LONGEST)  # its end says where
+        raise InputError(f"{source}: is not TOML: {message}; mend that line") from None
     except ValueError as error:  # an integer of thousands of digits
         raise InputError(f"{source}: cannot be read ({error}); check the path") from None
 

@@ -77,11 +77,11 @@ def _spread(key: Array, box: Box, radius: np.ndarray) -> np.ndarray | None:
     plan = neighbours.plan_list(box, radius.size, 2.0, particle.typical_diameter(radius), SKIN)
     for _ in range(MOST_REBUILDS):
         while True:
-            moved, gap, overflow = _relax(position, radius, box, plan)
+            relaxed, gap, overflow = _relax(position, radius, box, plan)
             if not int(overflow):
                 break
             plan = plan.grown(int(overflow), radius.size)
-        position = np.asarray(moved)
+        position = np.asarray(relaxed)
         if float(gap) > 0.1 * CLEARANCE:
             return position
     return None
@@ -119,13 +119,13 @@ def _relax(position: Array, radius: Array, box: Box, plan: ListPlan) -> tuple[Ar
         state = lax.fori_loop(
             0, STEPS_BETWEEN_REBUILDS, lambda _, state: advance(state, listed=listed), state
         )
-    moved = box.wrap(state.position)
+    relaxed = box.wrap(state.position)
     # The gap is looked for in a new list: particles may have left the old one's skin.
-    relisted = neighbours.build(plan, box, moved)
+    relisted = neighbours.build(plan, box, relaxed)
     gap = neighbours.smallest_gap(relisted, radius)
     for axis in box.walled_axes:
-        gap = jnp.minimum(gap, -jnp.max(_wall_overlap(moved, radius, box, axis)))
-    return moved, gap, listed.overflow | relisted.overflow
+        gap = jnp.minimum(gap, -jnp.max(_wall_overlap(relaxed, radius, box, axis)))
+    return relaxed, gap, listed.overflow | relisted.overflow
 
 
 def _wall_overlap(position: Array, radius: Array, box: Box, axis: int) -> Array:

@@ -56,7 +56,7 @@ def drawn(figure):
 def test_spheres_are_drawn_to_scale_and_the_nearer_one_hides_the_other():
     size = np.array([4.0, 4.0, 8.0])
     middle = size / 2
-    towards_eye = np.linalg.inv(spheres.seen(np.eye(3)))[2]
+    towards_eye = np.linalg.inv(spheres.project(np.eye(3)))[2]
     moments = {"one": [middle], "two": [middle + 1.5 * towards_eye, middle]}
     figure = drawn(figures.particles(moments, 1.0, mrjax.Box(tuple(size))))
     assert [axes.get_title() for axes in figure.axes] == ["one", "two"]
@@ -241,7 +241,7 @@ def test_force_chains_run_from_centre_to_centre(bed):
     strength = np.minimum(np.sort(found.force) / found.force.mean(), 4.0) / 4.0
     assert widths == near(3.5 * strength)
     strongest = found.force.argmax()
-    begin = spheres.seen(np.asarray(bed.position))[found.first[strongest], :2]
+    begin = spheres.project(np.asarray(bed.position))[found.first[strongest], :2]
     np.testing.assert_allclose(lines.get_segments()[-1][0], begin)
     assert axes.get_title().startswith("4 contacts, mean normal force ")
 

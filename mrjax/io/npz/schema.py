@@ -96,20 +96,25 @@ def refuse_headers(entries: Mapping[str, Header], schema: Schema) -> dict[str, A
 
 
 def _refuse_shape(
-    name: str, shape: tuple[int, ...], wanted: tuple[int | str, ...], lengths: dict[str, Any]
+    name: str,
+    shape: tuple[int, ...],
+    expected_shape: tuple[int | str, ...],
+    lengths: dict[str, Any],
 ) -> None:
-    """Refuses a shape unless its axes are as long as wanted, and as those of one name before."""
-    words = f"{name} has shape {shown(shape)} where it must be ({', '.join(map(str, wanted))})"
+    """Refuses a shape whose axes are not as long as expected, or as those of one name before."""
+    words = (
+        f"{name} has shape {shown(shape)} where it must be ({', '.join(map(str, expected_shape))})"
+    )
     rest = shape
-    if wanted[:1] == (SIDE_BY_SIDE,):
-        wanted = wanted[1:]
-        cut = len(shape) - len(wanted)
+    if expected_shape[:1] == (SIDE_BY_SIDE,):
+        expected_shape = expected_shape[1:]
+        cut = len(shape) - len(expected_shape)
         ahead, rest = shape[: max(cut, 0)], shape[max(cut, 0) :]
         if cut < 0 or 0 in ahead or lengths.setdefault(SIDE_BY_SIDE, ahead) != ahead:
             raise DamagedError(words)
-    if len(rest) != len(wanted):
+    if len(rest) != len(expected_shape):
         raise DamagedError(words)
-    for length, axis in zip(rest, wanted, strict=True):
+    for length, axis in zip(rest, expected_shape, strict=True):
         expected = axis if isinstance(axis, int) else lengths.setdefault(axis, length)
         if length != expected:
             raise DamagedError(words if isinstance(axis, int) else f"{words}, {axis} = {expected}")

@@ -60,15 +60,15 @@ def _admit(caller: socket.socket, count: int, callers: dict[int, socket.socket])
     try:
         caller.settimeout(5.0)
         kind, content = next(frames(caller, HELLO_BYTES))
-        said = json.loads(content)
-        number = said["number"]
+        greeting = json.loads(content)
+        number = greeting["number"]
         if kind != HELLO or not isinstance(number, int):
             raise ValueError
         expected = {"mrjax": version("mrjax"), "count": count}
         reason = "".join(
-            f"process {number} has {name} = {said.get(name)}, process 0 has {value}"
+            f"process {number} has {name} = {greeting.get(name)}, process 0 has {value}"
             for name, value in expected.items()
-            if said.get(name) != value
+            if greeting.get(name) != value
         )
         if not reason and (number in callers or not 0 < number < count):
             reason = f"there is a process {number} already"
