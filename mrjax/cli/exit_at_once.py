@@ -1,8 +1,8 @@
-"""Ctrl-C at a command line ends the process, also where Python does not come to answer it.
+"""Ctrl-C at a command line ends the process, even while Python cannot answer it.
 
-JAX compiles outside Python, for half a minute at times, and a model of the user's own may run for
-longer. A thread sees the signal all the same, leaves the command some time to end by itself, and
-then ends the process. What a checkpoint keeps is whole at any moment.
+JAX compiles outside Python, at times for half a minute, and a user's own model may run for longer.
+A thread sees the signal all the same, gives the command some time to end by itself, and then ends
+the process. The content of a checkpoint is whole at any moment.
 """
 
 import os

@@ -10,14 +10,14 @@ import platformdirs
 from mrjax.io.machine import machine
 
 MOST_BYTES = 2**28
-"""Size of a folder at which what was not used for longest makes room: some fifty commands."""
+"""Size of a folder beyond which programs unused for longest are removed: some fifty commands."""
 
 
 def keep() -> None:
-    """Has JAX keep what it compiles from here on, unless the environment says not to.
+    """Has JAX keep what it compiles from here on, unless the environment forbids it.
 
-    It may also say where. A folder that cannot be written to is no fault: programs are then
-    compiled at every start.
+    The environment may also name the folder. A folder that cannot be written to is no fault:
+    programs are then compiled at every start.
     """
     if not jax.config.jax_enable_compilation_cache:  # type: ignore[attr-defined] # made at run time
         return
@@ -32,15 +32,15 @@ def keep() -> None:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
-        _mend(folder)
+        _remove_unfinished(folder)
     except OSError:
         return
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_compilation_cache_max_size", MOST_BYTES)
 
 
-def _mend(folder: Path) -> None:
-    """Takes away what an interrupted start wrote by half: JAX notes the time of use last.
+def _remove_unfinished(folder: Path) -> None:
+    """Removes programs that an interrupted start left without their time of use, written last.
 
     Where one entry lacks it, JAX finds no room for further ones.
     """

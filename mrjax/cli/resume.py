@@ -21,7 +21,7 @@ LAST_GOOD = "last_good_state.npz"
 def checkpointed(
     folder: Path, resume: bool, quiet: bool, writes: Iterable[str] = (), **work: Any
 ) -> Iterator[Path]:
-    """A folder for checkpoints among the results, for as long as they are not written.
+    """Context with a folder for checkpoints among the results, until these are written.
 
     A run that fails leaves its last good state among the results instead. Of the results' folder
     nothing is overwritten or deleted that mrjax did not write.
@@ -29,7 +29,7 @@ def checkpointed(
     Args:
       folder: of the results.
       resume: whether to go on with what is kept there.
-      quiet: whether to say nothing of it.
+      quiet: whether to print nothing about it.
       writes: names of results that are known beforehand.
       work: all that decides the results, by name.
 

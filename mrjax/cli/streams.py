@@ -1,6 +1,6 @@
 """Standard output and error that may be closed, full, or a pipe whose reader went away.
 
-What cannot be written to standard output ends a command. Standard error has progress and warnings,
+A command ends where standard output cannot be written. Standard error has progress and warnings,
 for which no work is given up: they are dropped, and the exit status says so in the end.
 """
 
@@ -78,7 +78,7 @@ def _guarded(own: TextIO | None, raw: _Raw) -> TextIO:
 
 
 def _occupy(descriptor: int) -> None:
-    """Opens one that is closed, for nothing: else it becomes that of the next file.
+    """Opens a closed descriptor on the null device: else the next file would get it.
 
     Whatever a library logs would be written into that file.
     """

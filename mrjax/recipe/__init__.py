@@ -1,4 +1,4 @@
-"""The lab sheet: reading TOML, its tables, sizes, and the `Parameters` that follow from it.
+"""The lab sheet: reading TOML, its tables, sizes, plausibility, and the `Parameters` of a run.
 
 The bundled sheets are in `bundled`, the commented template is `template.toml`.
 """

@@ -14,7 +14,7 @@ import numpy as np
 from mrjax.core.errors import InputError, shown, shown_key
 
 LEAST_DIAMETER = 1e-10
-"""m, of an atom: what is smaller was given in another unit."""
+"""Diameter of an atom, m: what is smaller was given in another unit."""
 WIDEST = 3.0
 """Largest geometric standard deviation: beyond, a few particles hold all the volume."""
 
@@ -159,7 +159,7 @@ def parse(diameter: Any) -> Sizes:
 
 
 def refuse_tiny(key: str, diameter: float) -> None:
-    """Passes a diameter in m of which a particle may be.
+    """Passes a diameter in m that a particle may have.
 
     Raises:
       InputError: it is smaller than an atom.

@@ -105,7 +105,7 @@ def test_what_was_written_by_half_is_taken_away(tmp_path):
     whole, half = (f"jit_f-{digit * 64}" for digit in "0f")
     for name in (f"{whole}-cache", f"{whole}-atime", f"{half}-cache", "mine-cache"):
         (tmp_path / name).write_text("")
-    program_cache._mend(tmp_path)
+    program_cache._remove_unfinished(tmp_path)
     assert {file.name for file in tmp_path.iterdir()} == {
         f"{whole}-cache",
         f"{whole}-atime",
