@@ -26,10 +26,10 @@ e^-20 of the start is left."""
 def settling_velocity(run: Run) -> Array:
     """Initial settling velocity: the fastest mean descent of the frames after the start.
 
-    Negative where particles rise: the fastest is the one of the greatest magnitude. Particles
-    reach it after a few relaxation times (Eq. 27: 99 % after ln 100 = 4.6 of them) and
-    keep it until a bed has grown under them: at least one frame must lie in between, and a run that
-    is shorter has no settling velocity yet. m/s, ().
+    Positive downwards, while velocities of a `State` point up. Negative where particles rise: the
+    fastest is the one of the greatest magnitude. Particles reach it after a few relaxation times
+    (Eq. 27: 99 % after ln 100 = 4.6 of them) and keep it until a bed has grown under them: at least
+    one frame must lie in between, and a run that is shorter has no settling velocity yet. m/s, ().
 
     Raises:
       SimulationError: the run is not to be trusted.
