@@ -20,7 +20,7 @@ from mrjax import InputError, figures
 from mrjax.figures import spheres
 from mrjax.io import files
 from tests.builders.particles import glass, unit_spheres
-from tests.builders.runs import run_of
+from tests.builders.runs import run_of, straight_run
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)
 
@@ -31,10 +31,13 @@ TALL = mrjax.Box((10.0, 10.0, 40.0))
 
 @pytest.fixture(scope="module")
 def run():
-    """Two particles that fly apart, one onto the floor."""
-    start = mrjax.place([[3e-6, 5e-6, 6e-6], [7e-6, 5e-6, 1.2e-5]], [[0, 0, -0.4], [0, 0, 0.2]])
-    return mrjax.simulate(
-        start, DRY, BOX, duration=3e-5, frames=12, time_step=4e-9, trajectory=True
+    """Two particles that fly apart, one towards the floor."""
+    return straight_run(
+        [[3e-6, 5e-6, 6e-6], [7e-6, 5e-6, 1.2e-5]],
+        [[0.0, 0.0, -0.16], [0.0, 0.0, 0.2]],
+        BOX,
+        np.linspace(0.0, 3e-5, 13),
+        radius=jnp.full(2, 1e-6),
     )
 
 

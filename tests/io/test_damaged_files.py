@@ -9,6 +9,7 @@ import shutil
 from pathlib import Path
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -19,6 +20,7 @@ from mrjax.io.checkpoint import work as work_of_checkpoint
 from mrjax.io.checkpoint.marker import MARKER, OLD_MARKER
 from mrjax.simulation import follow as parts_of_runs
 from tests.builders import damage
+from tests.builders.runs import straight_run
 from tests.builders.walks import BALLS, BOX, PIECES, START, walk
 
 LONGEST_MESSAGE = 400
@@ -51,7 +53,8 @@ def alike(one, other) -> bool:
 def good(tmp_path_factory) -> dict[str, bytes]:
     """A state with what its contacts remember, and a run with its trajectory, as files."""
     folder = tmp_path_factory.mktemp("good")
-    run = mrjax.simulate(START, BALLS, BOX, duration=1e-6, frames=2, trajectory=True)
+    places = np.asarray(START.position)
+    run = straight_run(places, 0.1 * places, BOX, [0.0, 5e-7, 1e-6], radius=jnp.full(3, 2e-6))
     contacts = mrjax.core.state.allocate_history(3, 2, float, sliding=True, rolling=True)
     state = mrjax.State(*(0.1 + x for x in (START.position,) * 3), contacts, np.zeros(3, np.int32))
     mrjax.save_state(folder / "state.npz", state)

@@ -14,8 +14,9 @@ from vtkmodules.vtkIOXML import vtkXMLUnstructuredGridReader
 
 import mrjax
 from mrjax import InputError, SimulationError, SystemRefusal
+from mrjax.core.state import ContactHistory
 from mrjax.io import viewers
-from tests.builders.particles import glass
+from tests.builders.runs import straight_run
 
 BOX = mrjax.Box((1e-5, 2e-5, 3e-5), (True, False, False))
 RADIUS = np.array([1e-6, 2e-6, 1.5e-6])
@@ -24,28 +25,24 @@ MADE_BY = {"recipe": "größe", "seed": 7, "versions": {"mrjax": "0"}}
 
 @pytest.fixture(scope="module", params=["float64", "float32"])
 def run(request):
-    """Three particles of two materials that fly through a periodic side, and meet a wall."""
-    dry = glass(
-        radius=jnp.asarray(RADIUS),
-        elastic_modulus=5e7,
-        poisson_ratio=0.25,
-        friction=jnp.full((3, 3), 0.3),
-        restitution=0.5,
-    ).astype(request.param)
-    start = mrjax.place(
+    """Three particles of two materials that fly through two periodic sides."""
+    found = straight_run(
         [[1e-6, 3e-6, 1e-5], [5e-6, 1e-5, 2e-6], [9e-6, 1.7e-5, 2e-5]],
-        [[-0.5, 0.0, 0.1], [0.3, 0.0, -0.2], [1.2, 0.0, 0.0]],
-        [[1e4, 2e4, 0.0], [0.0, 0.0, -3e4], [0.0, 0.0, 0.0]],
-        materials=[0, 1, 1],
+        [[-0.5, 0.0, 0.1], [0.2, 0.0, 0.2], [1.2, 0.0, 0.0]],
+        BOX,
+        np.linspace(0.0, 2e-5, 5),
+        spins=[[1e4, 2e4, 0.0], [0.0, 0.0, -3e4], [0.0, 0.0, 0.0]],
         dtype=request.param,
-    )
-    found = mrjax.simulate(
-        start, dry, BOX, duration=2e-5, frames=4, time_step=4e-9, trajectory=True
+        radius=jnp.asarray(RADIUS),
+        time_step=4e-9,
+        steps=5000,
     )
     first, _, last = np.asarray(found.state.position)[:, 0]
     assert first < 0.0 and last > 2 * BOX.size[0]  # two sides have been passed
-    assert found.state.contacts is not None and found.state.velocity[1, 2] > 0.0
-    return found
+    rows = 1e-9 * jnp.arange(18.0).reshape(3, 2, 3).astype(request.param)
+    history = ContactHistory(jnp.array([[1, -4], [0, -1], [-1, -1]], jnp.int32), rows, None)
+    material = jnp.array([0, 1, 1], jnp.int32)
+    return replace(found, state=replace(found.state, contacts=history, material=material))
 
 
 def test_gsd_has_every_number(run, tmp_path, caplog):

@@ -27,6 +27,17 @@ def test_the_papers_second_case(case2):
     assert derived.warnings(case2) == []
 
 
+def test_sizes_are_those_of_the_coated_particles(case3):
+    """f_r times the smallest and the largest diameter; equal ones of the bundled sheet."""
+    found = of(case3)
+    assert found["smallest coated diameter"] == near(4.4, rel=1e-12)
+    assert found["largest coated diameter"] == near(4.4, rel=1e-12)
+    mixed = of(case3.replace(particle={"diameter": {"values": [3e-6, 4e-6, 5e-6]}}))
+    assert found["f_r, coating"] == mixed["f_r, coating"] == near(1.1, rel=1e-12)
+    assert mixed["smallest coated diameter"] == near(3.3, rel=1e-12)
+    assert mixed["largest coated diameter"] == near(5.5, rel=1e-12)
+
+
 @pytest.mark.parametrize("name, steps, seconds", [("case2", 176580, 606), ("case3", 133560, 817)])
 def test_the_cost_of_a_run_to_rest_is_about_right(name, steps, seconds):
     """Against runs to rest with the first seed."""
