@@ -200,10 +200,10 @@ def _warn_of_misfit(result: dict[str, Any]) -> None:
 
 
 def _refuse_untrusted(calibration: "Calibration", result: dict[str, Any], folder: Path) -> None:
-    """Passes a result that is to be trusted.
+    """Refuses a result that is not to be trusted.
 
     Raises:
-      SimulationError: it is not.
+      SimulationError: why it is not.
     """
     from calibrate import report
 

@@ -30,7 +30,7 @@ CHECKPOINTS = "fit", "posterior", "left-out", "forecast"
 
 @dataclass(frozen=True)
 class Options:
-    """How an experiment is fitted, and what is asked of the fit."""
+    """Options of a calibration: the fit, and what is computed from it."""
 
     model: str | ForwardModelMaker = "particles"
     """As for `Problem.prepare`."""
@@ -53,12 +53,12 @@ class Options:
 
     @property
     def fit_options(self) -> dict[str, Any]:
-        """Those of `fit_experiment`, but for the model."""
+        """Options of `fit_experiment`, without the model."""
         names = ("begin_with", "starts", "seed", "robust")
         return {name: getattr(self, name) for name in names}
 
     def refuse(self, experiment: Experiment) -> None:
-        """Passes options that this experiment can be calibrated with.
+        """Refuses options that this experiment cannot be calibrated with.
 
         Raises:
           InputError: nothing is left to fit where a sample is left out, samples of a posterior need
@@ -69,7 +69,7 @@ class Options:
         if self.posterior:
             refuse_without_sampler()
         if self.predict is not None:
-            forecast.like(experiment, self.predict, self.like or "")
+            forecast.sample_like(experiment, self.predict, self.like or "")
 
 
 @dataclass(frozen=True)
@@ -212,7 +212,7 @@ def _with_what_is_asked(
                 )
             )
     if options.predict is not None and fit.converged:
-        wider, sample = forecast.like(experiment, options.predict, options.like or "")
+        wider, sample = forecast.sample_like(experiment, options.predict, options.like or "")
         with _collected(faults):
             more["new"] = tuple(
                 forecast.forecast(
@@ -232,7 +232,7 @@ def _collected(faults: list[Exception]) -> Iterator[None]:
 
 
 def _name(model: str | ForwardModelMaker | None) -> str | None:
-    """What a report calls a model."""
+    """The name of a model in a report."""
     if model is None or isinstance(model, str):
         return model
     return getattr(model, "__name__", repr(model))

@@ -1,4 +1,4 @@
-"""Whether the samples and parameters of an experiment go together."""
+"""Checks that the samples and parameters of an experiment are consistent."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,25 +12,25 @@ from mrjax.core.errors import shown
 
 
 def refuse_parameters(sheet: ExperimentSheet, samples: tuple[Sample, ...], source: str) -> None:
-    """Passes where each sample has what is fitted of it, once."""
-    of: dict[str, list[str]] = {sample.name: [] for sample in samples}
+    """Refuses parameters that a sample does not have, or has twice."""
+    names_of: dict[str, list[str]] = {sample.name: [] for sample in samples}
     for parameter in sheet.parameter:
-        for name in parameter.samples or of:
-            of[name].append(parameter.name)
+        for name in parameter.samples or names_of:
+            names_of[name].append(parameter.name)
     made = {id(sample.recipe): sample.recipe for sample in samples}
     leaves = {key: recipe.parameters() for key, recipe in made.items()}
     for sample in samples:
-        for name in of[sample.name]:
+        for name in names_of[sample.name]:
             try:
                 refuse_unknown(name, sample.recipe, leaves[id(sample.recipe)])
-                _refuse_twice(name, sample, of[sample.name])
+                _refuse_twice(name, sample, names_of[sample.name])
             except InputError as error:
                 at = f"parameter.name = {shown(name)}: sample {shown(sample.name)}"
                 raise InputError(f"{source}: {at}: {error}") from None
 
 
 def _refuse_twice(name: str, sample: Sample, names: list[str]) -> None:
-    """Passes where no other of the names, nor the sample itself, says the same."""
+    """Refuses a quantity that another name, or the sample itself, gives as well."""
     if name == "f_w" and (clash := sorted(one for one in names if one.startswith(CLOSURE))):
         raise InputError(f"f_w follows from {clash[0]}; fit one of the two")
     if name == BED and sample.bed_fraction is not None:
@@ -40,26 +40,27 @@ def _refuse_twice(name: str, sample: Sample, names: list[str]) -> None:
 
 
 def refuse_a_file_twice(sheet: ExperimentSheet, folder: Path, source: str) -> None:
-    """Passes where each sample has readings of its own: those that count twice seem better."""
-    of: dict[Path, str] = {}
+    """Refuses one curve for two samples: its readings would count twice."""
+    sample_of: dict[Path, str] = {}
     for sample in sheet.sample:
         if sample.curve is None:
             continue
         path = (folder / sample.curve.file).resolve()
-        if path in of:
+        if path in sample_of:
             raise InputError(
                 f"{source}: sample {sample.name!r}: curve.file = {sample.curve.file!r} is that of "
-                f"sample {of[path]!r}, too, and its readings would count twice; give each its own"
+                f"sample {sample_of[path]!r}, too, and its readings would count twice; give each "
+                "its own"
             )
-        of[path] = sample.name
+        sample_of[path] = sample.name
 
 
 def odd_readings(sheet: ExperimentSheet, samples: tuple[Sample, ...], source: str) -> Iterator[str]:
-    """What is odd about the curve of each sample."""
-    for one, sample in zip(sheet.sample, samples, strict=True):
-        if one.curve is not None:
+    """Warnings about the curve of each sample."""
+    for table, sample in zip(sheet.sample, samples, strict=True):
+        if table.curve is not None:
             try:
-                said = plausibility.refuse_senseless(sample, one.curve.time_unit)
+                said = plausibility.refuse_senseless(sample, table.curve.time_unit)
             except InputError as error:
                 raise InputError(f"{source}: sample {sample.name!r}: {error}") from None
             yield from (f"sample {sample.name!r}: {odd}" for odd in said)

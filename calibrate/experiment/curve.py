@@ -29,7 +29,7 @@ MOST_POINTS = 100_000
 
 
 class CurveSheet(Sheet):
-    """Where a curve is, and what its columns mean."""
+    """The table of a curve: its file, and the units of its columns."""
 
     file: FileName = Field(description="a CSV file, as a path from this file")
     time_unit: Annotated[str, one_of(TIME_UNITS)] = Field(

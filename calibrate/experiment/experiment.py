@@ -94,7 +94,7 @@ class Experiment:
           sample: one of the experiment's, or like one of them.
           theta: the fitted values, by variable.
         """
-        held = {name: value for of, name, value in self.held if of == sample.name}
+        held = {quantity: value for name, quantity, value in self.held if name == sample.name}
         changes = {
             one.name: one.value(theta[one.variable])
             for one in self.parameters

@@ -130,7 +130,7 @@ class FreeParameter:
 def free_parameters(
     sheet: ParameterSheet, names: list[str], once: bool = True
 ) -> list[FreeParameter]:
-    """What a sheet asks to be fitted: one for all of its samples, or one for each.
+    """The free parameters of a sheet: one for all of its samples, or one for each.
 
     Args:
       sheet: with a median.

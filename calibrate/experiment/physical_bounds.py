@@ -1,4 +1,4 @@
-"""Within which values a fitted quantity has a meaning: those that a lab sheet takes for it.
+"""Physical bounds of the free parameters: the values that a lab sheet accepts.
 
 A fit whose data leave a quantity open ends within them, and not at 1e43.
 """
@@ -49,42 +49,42 @@ NEAREST = 1e-9
 """Of the distance between bounds, to either of them."""
 
 
-def bounds(experiment: Experiment, one: FreeParameter) -> tuple[float, float]:
+def bounds(experiment: Experiment, parameter: FreeParameter) -> tuple[float, float]:
     """Least and greatest x of a fitted quantity."""
-    lower, upper = _of_value(experiment, one)
-    if not one.bounds:
+    lower, upper = _of_value(experiment, parameter)
+    if not parameter.bounds:
         return lower, upper
-    return _odds(one, lower), _odds(one, upper)
+    return _odds(parameter, lower), _odds(parameter, upper)
 
 
-def _odds(one: FreeParameter, value: float) -> float:
+def _odds(parameter: FreeParameter, value: float) -> float:
     """The x of a value, or of the nearest between the bounds."""
-    lower, upper = one.bounds or (0.0, 1.0)
+    lower, upper = parameter.bounds or (0.0, 1.0)
     share = (value - lower) / (upper - lower)
     share = min(max(share, NEAREST), 1.0 - NEAREST)
     return share / (1.0 - share)
 
 
-def _of_value(experiment: Experiment, one: FreeParameter) -> tuple[float, float]:
-    if one.name == BED:
+def _of_value(experiment: Experiment, parameter: FreeParameter) -> tuple[float, float]:
+    if parameter.name == BED:
         thickest = max(
             sample.recipe.coated_volume_fraction
             for sample in experiment.samples
-            if sample.name in one.samples
+            if sample.name in parameter.samples
         )
         return (1.0 + DENSER) * float(thickest), 1.0
-    if one.name in FACTORS or one.name.startswith(CLOSURE):
+    if parameter.name in FACTORS or parameter.name.startswith(CLOSURE):
         return LEAST_FACTOR, LARGEST_FACTOR
-    if one.name in OF_SHEET:
-        return _of_entry(*OF_SHEET[one.name])
-    return SMALLEST, LARGEST_BOX if one.name == "radius" else LARGEST
+    if parameter.name in OF_SHEET:
+        return _of_entry(*OF_SHEET[parameter.name])
+    return SMALLEST, LARGEST_BOX if parameter.name == "radius" else LARGEST
 
 
 @cache
 def _of_entry(sheet: type[Sheet], entry: str) -> tuple[float, float]:
     """Bounds of a positive number in a lab sheet."""
 
-    def found(names: tuple[str, ...], otherwise: float) -> float:
+    def rule_or(names: tuple[str, ...], otherwise: float) -> float:
         for rule in sheet.model_fields[entry].metadata:
             for name in names:
                 value: Any = getattr(rule, name, None)
@@ -92,4 +92,4 @@ def _of_entry(sheet: type[Sheet], entry: str) -> tuple[float, float]:
                     return float(value)
         return otherwise
 
-    return max(SMALLEST, found(("ge", "gt"), SMALLEST)), found(("le", "lt"), LARGEST)
+    return max(SMALLEST, rule_or(("ge", "gt"), SMALLEST)), rule_or(("le", "lt"), LARGEST)

@@ -23,7 +23,7 @@ ABSURD = 1e3
 
 
 def refuse_senseless(sample: Sample, time_unit: str) -> list[str]:
-    """Passes readings of a curve that may be true, and says what is odd about them.
+    """Refuses readings of a curve that cannot be true; returns warnings about odd ones.
 
     Args:
       sample: with its measurements.
@@ -66,14 +66,14 @@ def refuse_senseless(sample: Sample, time_unit: str) -> list[str]:
 
 
 def sinks(recipe: Recipe) -> bool:
-    """Whether a coated particle is heavier than the fluid that it takes the place of."""
+    """True if a coated particle is heavier than the fluid that it displaces."""
     return recipe.apparent_density > recipe.fluid.density
 
 
 def _start(
     said: Callable[[int], str], ratio: np.ndarray, error: np.ndarray, times: np.ndarray
 ) -> list[str]:
-    """What is wrong with a reading at time 0 that is not at the height."""
+    """Warns of a first reading, at time 0, that is below the height; refuses a large one."""
     if times[0] > 0.0 or 1.0 - ratio[0] <= ERRORS * error[0]:
         return []
     text = (
@@ -86,7 +86,7 @@ def _start(
 
 
 def _rise(said: Callable[[int], str], ratio: np.ndarray, error: np.ndarray) -> list[str]:
-    """What is wrong with a mudline that rises, at the reading that is farthest up."""
+    """Warns of a mudline that rises, at its largest rise; refuses a large one."""
     lowest = np.minimum.accumulate(ratio)
     before = np.maximum.accumulate(np.where(ratio == lowest, np.arange(ratio.size), 0))
     rise = ratio - lowest
@@ -104,7 +104,7 @@ def _rise(said: Callable[[int], str], ratio: np.ndarray, error: np.ndarray) -> l
 
 
 def oddities(samples: Sequence[Sample], suspensions: Iterable[Suspension]) -> Iterator[str]:
-    """What may be a slip in an experiment as a whole: speeds out of proportion, repeats.
+    """Warnings about an experiment as a whole: speeds out of proportion, repeated readings.
 
     Args:
       samples: all of the experiment.

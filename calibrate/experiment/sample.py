@@ -1,4 +1,4 @@
-"""What was measured on one suspension: numbers with their uncertainty, and what it is made of."""
+"""A measured suspension: its recipe, and numbers with their uncertainty."""
 
 from dataclasses import dataclass
 from typing import Literal, NamedTuple

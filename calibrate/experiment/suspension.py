@@ -1,4 +1,4 @@
-"""What a forward model is told of a sample: its recipe with the fitted values in their places."""
+"""The input of a forward model: a recipe with the fitted values in their places."""
 
 import inspect
 from collections.abc import Mapping
@@ -70,14 +70,14 @@ def suspension(
 
 
 def refuse_unknown(name: str, recipe: Recipe, parameters: Parameters) -> None:
-    """Passes where the name is a quantity of this recipe that can be one number.
+    """Refuses a name that is no quantity of this recipe, or one of several values.
 
     Args:
       name: of the quantity.
       recipe, parameters: the lab sheet, and what it gives.
 
     Raises:
-      InputError: it is none: what is wrong, and what is known.
+      InputError: what is wrong with the name, and which are known.
     """
     if name == BED:
         return

@@ -24,7 +24,7 @@ CURVES = {"mudline": HEIGHT_UNITS, "sedimentation_ratio": RATIO_UNITS}
 
 
 def one_of(units: Iterable[str]) -> AfterValidator:
-    """For a field that names one of these units."""
+    """A validator for a field that names one of these units."""
     known = ", ".join(units)
 
     def check(unit: str, field: ValidationInfo) -> str:

@@ -1,1 +1,1 @@
-"""What a fit says beyond its optimum: what the data determine, profiles, samples, forecasts."""
+"""Inference from a fit: what the data determine, profiles, posterior samples, forecasts."""

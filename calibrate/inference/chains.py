@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from calibrate.least_squares.interruptible import there
+from calibrate.least_squares.interruptible import wait_for
 from mrjax.core import randomness
 
 DURATION = 0.5
@@ -37,7 +37,7 @@ class Chain(NamedTuple):
 
 
 class Piece(NamedTuple):
-    """What some steps of C chains gave."""
+    """Some steps of C chains."""
 
     positions: np.ndarray
     """(C, K, P)."""
@@ -76,8 +76,8 @@ class Sampler:
         )
         self._keys = jnp.concatenate(
             [
-                jax.vmap(partial(jax.random.split, num=number))(of)
-                for of, number in ((adapting, warm_up), (drawing, draws))
+                jax.vmap(partial(jax.random.split, num=number))(key)
+                for key, number in ((adapting, warm_up), (drawing, draws))
             ],
             axis=1,
         ).T  # (steps, C)
@@ -107,9 +107,9 @@ class Sampler:
         while done < self.length:
             number = min(number, most - done % most, self.length - done)
             began = time.perf_counter()
-            found = there(self._advance(chains, self._keys, self._windows, done, number))
+            result = wait_for(self._advance(chains, self._keys, self._windows, done, number))
             took = (time.perf_counter() - began) / number
-            chains, positions, divergent = found
+            chains, positions, divergent = result
             done += number
             yield (
                 chains,
@@ -129,7 +129,7 @@ def arrays(chains: Chain) -> dict[str, np.ndarray]:
 
 
 def _adaptations() -> tuple[tuple, tuple]:
-    """Beginning, update and end of a step size and of a mass matrix."""
+    """The initial, update and final functions of step size and mass matrix."""
     from blackjax.adaptation.mass_matrix import mass_matrix_adaptation
     from blackjax.adaptation.step_size import dual_averaging_adaptation
 
@@ -197,5 +197,5 @@ def _stepped(
     return Chain(state, *_chosen(adapting, adapted, (step_size, mass))), info.is_divergent
 
 
-def _chosen(which: Array, one: Any, other: Any) -> Any:
-    return jax.tree.map(partial(jnp.where, which), one, other)
+def _chosen(which: Array, new: Any, old: Any) -> Any:
+    return jax.tree.map(partial(jnp.where, which), new, old)

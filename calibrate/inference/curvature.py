@@ -34,7 +34,7 @@ def covariance(information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def standard_errors(fit: Fit) -> dict[str, float]:
-    """Of every value, by data and priors together: logarithmic errors times the values."""
+    """Standard errors of the values, by data and priors together."""
     spread, unbounded = covariance(information(fit))
     unknown = np.sum(unbounded**2, axis=1) > RANK_TOLERANCE
     unknown |= np.sqrt(np.diag(spread)) > UNKNOWN

@@ -1,4 +1,4 @@
-"""Whether chains agree: split R-hat by ranks, of values and of their distance from the middle.
+"""Agreement of chains: rank-normalised split R-hat, of values and of folded values.
 
 Vehtari, Gelman, Simpson, Carpenter & Buerkner, Bayesian Analysis 16, 667 (2021). Ranks make R-hat
 finite for any tail; half chains find one that drifts; distances from the median, folded, find
@@ -44,6 +44,6 @@ def _r_hat(draws: np.ndarray) -> np.ndarray:
 
 
 def tails(draws: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Whether each draw is below the 5th and below the 95th percentile of all, as numbers."""
+    """Indicators, 0 or 1, of draws up to the 5th and up to the 95th percentile."""
     low, high = np.quantile(draws, [0.05, 0.95], axis=(0, 1))
     return (draws <= low).astype(float), (draws <= high).astype(float)

@@ -54,29 +54,29 @@ class Forecast:
 
 def forecast(
     experiment: Experiment,
-    found: Fit,
+    fit: Fit,
     sample: Sample,
     model: str | ForwardModelMaker,
     seed: int = 0,
     checkpoint: str | Path | None = None,
 ) -> list[Forecast]:
-    """What a fit expects of the measurements of a sample, one of the experiment or another.
+    """Predictions of the measurements of a sample, of the experiment or new, from a fit.
 
     Args:
       experiment: what was fitted; its parameters that name this sample apply to it, and those that
         the fit does not know are taken from their priors.
-      found: the fit.
+      fit: what was found.
       sample: its measurements say what to predict.
       model: as for `Problem.prepare`.
       seed: of a suspension that is simulated.
       checkpoint: folder that keeps a bed as it is simulated, as for `mrjax.settle`.
     """
-    logs, spread, open_ends = _belief(experiment, found)
+    logs, spread, open_ends = _belief(experiment, fit)
     names = list(experiment.start)
     start = OrderedDict(zip(names, np.exp(logs), strict=True))
     near = experiment.suspension_of(sample, start)
-    kept = Path(checkpoint) if checkpoint else None
-    predict = forward_model(model)(sample, near, seed, experiment.varied(sample), kept)
+    folder = Path(checkpoint) if checkpoint else None
+    predict = forward_model(model)(sample, near, seed, experiment.varied(sample), folder)
 
     def predicted(logs: Array) -> Array:
         theta = OrderedDict(zip(names, jnp.exp(logs), strict=True))
@@ -90,11 +90,13 @@ def forecast(
     unbounded = (np.abs(slopes @ open_ends) > RANK_TOLERANCE**0.5 * size).any(axis=1)
     errors[unbounded] = np.inf
     return [
-        Forecast(
-            sample.name, one, value, error, None if one.place is None else sample.times[one.place]
-        )
-        for one, value, error in zip(sample.measurements, values, errors, strict=True)
+        Forecast(sample.name, measurement, value, error, _time(sample, measurement))
+        for measurement, value, error in zip(sample.measurements, values, errors, strict=True)
     ]
+
+
+def _time(sample: Sample, measurement: Measurement) -> float | None:
+    return None if measurement.place is None else sample.times[measurement.place]
 
 
 def leave_one_out(
@@ -121,51 +123,52 @@ def leave_one_out(
     """
     refuse_foreign(checkpoint)
     refuse_leaving_out(experiment)
-    found = []
+    forecasts = []
     bar = tqdm(experiment.samples, desc="each from the others", disable=not progress, leave=False)
     for number, sample in enumerate(bar):
         bar.set_postfix_str(f"without {in_terminal(sample.name)}")
-        rest = without(experiment, sample.name)
-        kept = checkpoint and Path(checkpoint) / f"without-{number}"
-        of_fit = dict(seed=seed, progress=progress, checkpoint=kept, **options)
-        _, fitted = fit_experiment(rest, model, **of_fit)
+        rest = leave_out(experiment, sample.name)
+        folder = checkpoint and Path(checkpoint) / f"without-{number}"
+        common = dict(seed=seed, progress=progress, checkpoint=folder, **options)
+        _, fitted = fit_experiment(rest, model, **common)
         if not fitted.converged:
             raise SimulationError(
                 f"the fit without sample {sample.name} did not converge in {fitted.model_runs} "
                 "model runs: nothing is predicted from it; give narrower priors"
             )
-        found += forecast(experiment, fitted, sample, model, seed, kept and kept / "forecast")
-    return found
+        bed = folder and folder / "forecast"
+        forecasts += forecast(experiment, fitted, sample, model, seed, bed)
+    return forecasts
 
 
 def refuse_leaving_out(experiment: Experiment) -> None:
-    """Passes where something is left to fit whichever sample is left out.
+    """Refuses an experiment where nothing is left to fit without one of its samples.
 
     Raises:
-      InputError: it is not.
+      InputError: it is one.
     """
     if len(experiment.samples) < 2:
         raise InputError(f"{experiment.name}: has one sample; leaving it out leaves nothing to fit")
     for sample in experiment.samples:
-        if not without(experiment, sample.name).parameters:
+        if not leave_out(experiment, sample.name).parameters:
             raise InputError(
                 f"{experiment.name}: all that is fitted belongs to sample {sample.name} alone; "
                 "leaving it out leaves nothing to fit"
             )
 
 
-def without(experiment: Experiment, name: str) -> Experiment:
+def leave_out(experiment: Experiment, name: str) -> Experiment:
     """The experiment without a sample, and without what is fitted to that alone."""
-    kept = tuple(
-        replace(one, samples=tuple(of for of in one.samples if of != name))
-        for one in experiment.parameters
-        if set(one.samples) != {name}
+    parameters = tuple(
+        replace(parameter, samples=tuple(other for other in parameter.samples if other != name))
+        for parameter in experiment.parameters
+        if set(parameter.samples) != {name}
     )
     samples = tuple(sample for sample in experiment.samples if sample.name != name)
-    return replace(experiment, samples=samples, parameters=kept)
+    return replace(experiment, samples=samples, parameters=parameters)
 
 
-def like(experiment: Experiment, recipe: Recipe, name: str) -> tuple[Experiment, Sample]:
+def sample_like(experiment: Experiment, recipe: Recipe, name: str) -> tuple[Experiment, Sample]:
     """A new recipe as a sample to which applies what applies to one of the experiment's.
 
     Raises:
@@ -179,7 +182,7 @@ def like(experiment: Experiment, recipe: Recipe, name: str) -> tuple[Experiment,
     while called in known:
         called += " (new)"
     values = experiment.varied(known[name]) + tuple(
-        held for of, held, _ in experiment.held if of == name
+        held for other, held, _ in experiment.held if other == name
     )
     for one in values:
         _refuse_another_meaning(one, recipe, known[name].recipe)
@@ -197,7 +200,7 @@ def like(experiment: Experiment, recipe: Recipe, name: str) -> tuple[Experiment,
         for one in experiment.parameters
     )
     held = experiment.held + tuple(
-        (sample.name, what, value) for of, what, value in experiment.held if of == name
+        (sample.name, what, value) for other, what, value in experiment.held if other == name
     )
     return replace(experiment, parameters=applies, held=held), sample
 
@@ -207,27 +210,27 @@ def _refuse_another_meaning(name: str, recipe: Recipe, fitted: Recipe) -> None:
         refuse_unknown(name, recipe, recipe.parameters())
     except InputError as error:
         raise InputError(f"{name} was fitted, but for {recipe.name}: {error}") from None
-    of = [None if one.closure is None else one.closure.func for one in (recipe, fitted)]
-    if name.startswith(CLOSURE) and of[0] is not of[1]:
+    closures = [None if one.closure is None else one.closure.func for one in (recipe, fitted)]
+    if name.startswith(CLOSURE) and closures[0] is not closures[1]:
         raise InputError(
             f"{name} was fitted in the closure of {fitted.name}; {recipe.name} has another, in "
             "which it means something else: give it the same [drag] f_w"
         )
 
 
-def _belief(experiment: Experiment, found: Fit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _belief(experiment: Experiment, fit: Fit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Logarithms of all variables, (P,), their covariance, (P, P), and open directions, (P, K).
 
     What the fit does not know has its prior.
     """
     parameters = experiment.parameters
     strength = np.zeros((len(parameters), len(parameters)))
-    logs = np.log([one.start for one in parameters])
-    place = {one.variable: index for index, one in enumerate(parameters)}
-    known = np.array([place[name] for name in found.names], int)
-    strength[np.ix_(known, known)] = information(found)
-    logs[known] = np.log(found.values)
-    for index, one in enumerate(parameters):
-        if index not in known and one.prior is not None:
-            strength[index, index] = one.prior.log_standard_deviation**-2.0
+    logs = np.log([parameter.start for parameter in parameters])
+    place = {parameter.variable: index for index, parameter in enumerate(parameters)}
+    known = np.array([place[name] for name in fit.names], int)
+    strength[np.ix_(known, known)] = information(fit)
+    logs[known] = np.log(fit.values)
+    for index, parameter in enumerate(parameters):
+        if index not in known and parameter.prior is not None:
+            strength[index, index] = parameter.prior.log_standard_deviation**-2.0
     return logs, *covariance(strength)

@@ -1,4 +1,4 @@
-"""What the data determine: which values and combinations of them, and which not at all.
+"""Identifiability: which values, and which products of powers, the data determine.
 
 Read from the Jacobian J of the residuals with respect to the logarithms of the values. The data
 alone give a product of powers, exp(c . ln theta), the error |c . J^-1| of its logarithm. It is
@@ -37,7 +37,7 @@ class Combination:
 
 @dataclass(frozen=True)
 class Identification:
-    """What the data of a fit determine, and how well."""
+    """Identifiability of the values of a fit."""
 
     singular_values: np.ndarray
     """Of the Jacobian, (min(M, P),)."""

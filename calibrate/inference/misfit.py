@@ -1,4 +1,4 @@
-"""Whether readings agree with the model within their stated errors, and with each other at all.
+"""Agreement of readings with the model within their stated errors, and with each other.
 
 Of M readings and K combinations that they determine chi-squared is distributed as that of M - K
 degrees of freedom, if the model is right and the errors are as stated. Stated errors are often too
@@ -22,7 +22,7 @@ LEAST_P, LARGEST_SHARE = 1e-6, 0.05
 
 
 class Agreement(NamedTuple):
-    """How well a fit agrees with its readings."""
+    """Agreement of a fit with its readings."""
 
     degrees_of_freedom: int
     reduced_chi_squared: float
@@ -36,26 +36,26 @@ class Agreement(NamedTuple):
 
     @property
     def misfit(self) -> bool:
-        """Whether the stated errors do not cover the residuals."""
+        """True if the stated errors do not cover the residuals."""
         return self.reduced_chi_squared > LARGEST_CHI_SQUARED
 
     @property
     def contradicts(self) -> bool:
-        """Whether no error that anyone would state covers the residuals."""
+        """True if no plausible error covers the residuals."""
         return self.p_value is not None and self.p_value < LEAST_P and self.share > LARGEST_SHARE
 
 
 def agreement(
-    problem: Problem, fit: Fit, found: Identification, predicted: np.ndarray
+    problem: Problem, fit: Fit, identification: Identification, predicted: np.ndarray
 ) -> Agreement:
-    """Of predictions, (M,), with the readings of a problem."""
-    free = len(predicted) - len(found.combinations)
+    """The agreement of predictions, (M,), with the readings of a problem."""
+    free = len(predicted) - len(identification.combinations)
     reduced = fit.chi_squared / max(1, free)
-    known = free > 0 and fit.robust is None
+    testable = free > 0 and fit.robust is None
     return Agreement(
         free,
         reduced,
-        float(chi2.sf(fit.chi_squared, free)) if known else None,
+        float(chi2.sf(fit.chi_squared, free)) if testable else None,
         _share(problem, predicted),
         max(1.0, reduced**0.5),
     )

@@ -48,7 +48,7 @@ class Posterior:
 
     @property
     def converged(self) -> bool:
-        """Whether the samples may be used: all chains agree, by whatever made the numbers above."""
+        """True if the samples may be used: all chains agree, and none diverged."""
         with np.errstate(divide="ignore"):
             logs = np.log(self.samples)
         chains = logs.reshape(CHAINS, -1, len(self.names))
@@ -110,23 +110,23 @@ def posterior(
         )
         drawn = _drawn(sampler, work, progress)
         logs = np.asarray(best) + drawn.positions[:, WARM_UP:] @ np.asarray(whitened).T
-        found = {
+        summary = {
             "samples": np.exp(logs).reshape(-1, best.size),
             "r_hat": diagnostics.r_hat(logs),
             "effective": _effective(logs),
             "divergences": drawn.divergent[:, WARM_UP:].sum(),
         }
     if work is not None:
-        work.save("samples", found)
-    return _of_arrays(fit, found)
+        work.save("samples", summary)
+    return _of_arrays(fit, summary)
 
 
 def _drawn(sampler: Sampler, work: Checkpoint | None, progress: bool) -> Piece:
     """All steps of the chains, those that were kept and the others."""
     kept = None if work is None else work.sequence("chains")
     earlier, left = ([], None) if kept is None else kept.resumed()
-    pieces = [Piece(one["positions"], one["divergent"]) for one in earlier]
-    done = sum(one.positions.shape[1] for one in pieces)
+    pieces = [Piece(piece["positions"], piece["divergent"]) for piece in earlier]
+    done = sum(piece.positions.shape[1] for piece in pieces)
     chains = sampler.begin() if left is None else sampler.restored(left)
     unkept: list[Piece] = []
     with tqdm(
@@ -154,7 +154,8 @@ def _effective(draws: np.ndarray) -> np.ndarray:
 
     halves = diagnostics.split(draws)
     each = (diagnostics.normalised(halves), *diagnostics.tails(halves))
-    return np.min([np.asarray(effective_sample_size(jnp.asarray(one))) for one in each], axis=0)
+    sizes = [np.asarray(effective_sample_size(jnp.asarray(numbers))) for numbers in each]
+    return np.min(sizes, axis=0)
 
 
 def _of_arrays(fit: Fit, arrays: dict[str, np.ndarray]) -> Posterior:
@@ -169,10 +170,10 @@ def _of_arrays(fit: Fit, arrays: dict[str, np.ndarray]) -> Posterior:
 
 
 def refuse_without_sampler() -> None:
-    """Passes where the optional packages are installed.
+    """Refuses to sample where an optional package is not installed.
 
     Raises:
-      InputError: they are not.
+      InputError: one is missing.
     """
     for package in ("blackjax", "corner"):
         if importlib.util.find_spec(package) is None:
@@ -180,7 +181,7 @@ def refuse_without_sampler() -> None:
 
 
 def _refuse_without_end(fit: Fit) -> None:
-    unbounded = [name for name, one in identify(fit).standard_errors.items() if np.isinf(one)]
+    unbounded = [name for name, error in identify(fit).standard_errors.items() if np.isinf(error)]
     if unbounded:
         raise InputError(
             f"the posterior of {', '.join(unbounded)} has no end: no measurement and no prior "

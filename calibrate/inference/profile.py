@@ -26,7 +26,7 @@ GAUSS_NEWTON_STEPS = 2
 
 @dataclass(frozen=True)
 class Profile:
-    """Of one fitted value."""
+    """The profile likelihood of one fitted value."""
 
     name: str
     values: np.ndarray
@@ -101,7 +101,7 @@ def _held(fit: Fit, free: np.ndarray, logs: np.ndarray, steps: int) -> float:
 
 
 def _interval(values: np.ndarray, increase: np.ndarray, level: float) -> tuple[float, float]:
-    """Where the increase reaches a level on either side of its least."""
+    """The two values at which the increase reaches a level."""
     middle = len(values) // 2
 
     def crossing(way: int, beyond: float) -> float:

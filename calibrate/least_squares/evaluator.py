@@ -11,7 +11,7 @@ from calibrate.least_squares.programs import Given, Programs
 
 
 class Evaluator(NamedTuple):
-    """What asks the model, for all stages of a fit, and shows how far they are."""
+    """Evaluates the model for all stages of a fit, and shows their progress."""
 
     programs: Programs
     given: Given

@@ -46,7 +46,7 @@ OTHER_OPTIMUM = 0.5
 
 @dataclass(frozen=True)
 class Fit:
-    """Where a fit ended, and what the residuals look like there."""
+    """The result of a fit: the values, and residuals and Jacobian there."""
 
     theta: Any
     """The fitted values, in the structure of the start."""
@@ -195,7 +195,7 @@ def fit(
 
 
 class _End(NamedTuple):
-    """Where the finishes of all starts ended."""
+    """The ends of all starts."""
 
     best: Point
     others: list[Point]
@@ -229,7 +229,7 @@ def _end(evaluator: Evaluator, each: np.ndarray, most_steps: int) -> _End:
 
 
 def _at_the_end(end: _End, unknown: Unknowns, count: int, losses: list[float]) -> dict[str, Any]:
-    """What a `Fit` says of its end; its first residuals, so many, are those of measurements."""
+    """The fields of a `Fit` at its end; its first `count` residuals are of measurements."""
     loss, logs, jacobian, value = end.best
     with np.errstate(over="ignore"):
         values = np.exp(logs)
@@ -253,7 +253,7 @@ def _at_the_end(end: _End, unknown: Unknowns, count: int, losses: list[float]) -
 def _keeping(
     checkpoint: str | Path | None, residuals_at_the_start: Callable[[], Array], **work: Any
 ) -> Callable[[str, Callable], Callable]:
-    """What makes a program keep what it gave, by a label; as it is, without a checkpoint.
+    """A wrapper that stores the results of a program under a label; none without a checkpoint.
 
     Args:
       checkpoint: the folder.

@@ -46,8 +46,8 @@ def stoppable() -> Iterator[None]:
             _stop = _NEVER
 
 
-def look() -> None:
-    """Passes where nobody asks to stop.
+def raise_if_stopped() -> None:
+    """Raises if Ctrl-C came.
 
     Raises:
       StoppedError: Ctrl-C came. It ends the piece of work, which then raises `KeyboardInterrupt`.
@@ -55,23 +55,23 @@ def look() -> None:
     _stop.look()
 
 
-def there(found: Any) -> Any:
-    """The same arrays when all of them are there, if they are not traced; raises as `look`."""
+def wait_for(result: Any) -> Any:
+    """Returns the arrays when all are there; Ctrl-C ends the wait, and traced ones need none."""
     began = time.perf_counter()
-    leaves: list[Any] = jax.tree.leaves(found)
+    leaves: list[Any] = jax.tree.leaves(result)
     for leaf in leaves:
         while not isinstance(leaf, jax.core.Tracer) and not leaf.is_ready():
-            look()
+            raise_if_stopped()
             waited = time.perf_counter() - began
             time.sleep(min(LONGEST_SLEEP, SHARE * waited) if waited > BRIEF else 0.0)
-    look()
-    return found
+    raise_if_stopped()
+    return result
 
 
 def watched(function: Callable[..., Any]) -> Callable[..., Any]:
     """A compiled function that is waited for so that Ctrl-C ends the wait."""
 
     def watching(*arguments: Any) -> Any:
-        return there(function(*arguments))
+        return wait_for(function(*arguments))
 
     return watching

@@ -57,7 +57,7 @@ def without_slopes(evaluator: Evaluator, end: Point) -> tuple[Point, bool, int]:
 
 
 def _simplex(evaluator: Evaluator, end: Point, size: float) -> tuple[OptimizeResult, np.ndarray]:
-    """What scipy finds about the end, and the logarithms of its best point, (P,)."""
+    """The result of scipy's simplex about an end, and the logarithms of its best point, (P,)."""
     to_logs = _standard_error_steps(end)
     best = end.loss
 
@@ -92,7 +92,7 @@ def _standard_error_steps(end: Point) -> np.ndarray:
 
 
 def _jumps(evaluator: Evaluator, end: Point) -> tuple[bool, int]:
-    """Whether slopes jump near an end: then they differ as much over shorter distances."""
+    """True if slopes jump near an end: a jump is as large over a shorter distance."""
     errors, changes = _standard_error_steps(end), []
     for step in ASIDE:
         sides = [

@@ -41,7 +41,7 @@ class Point(NamedTuple):
 
     @property
     def finite(self) -> bool:
-        """Whether residuals and slopes are numbers."""
+        """True if residuals and slopes are numbers."""
         return bool(np.isfinite(self.jacobian).all() and np.isfinite(self.value).all())
 
 
@@ -53,22 +53,22 @@ def step(point: Point, box: Bounds, radius: float = np.inf) -> tuple[np.ndarray,
     if not point.finite:
         return np.zeros(point.logs.size), np.inf
     jacobian, value = point.jacobian, point.value
-    found = np.zeros(point.logs.size)
-    free = np.ones(found.size, bool)
-    for _ in range(found.size):
-        found[free] = _shortest(
-            jacobian[:, free], value + jacobian[:, ~free] @ found[~free], radius
+    change = np.zeros(point.logs.size)
+    free = np.ones(change.size, bool)
+    for _ in range(change.size):
+        change[free] = _shortest(
+            jacobian[:, free], value + jacobian[:, ~free] @ change[~free], radius
         )
-        inside = box.clip(point.logs + found) - point.logs
-        beyond = free & (inside != found)
+        inside = box.clip(point.logs + change) - point.logs
+        beyond = free & (inside != change)
         if not beyond.any():
             break
         # What would leave the bounds ends on them; the rest follows.
-        found = inside
+        change = inside
         free &= ~beyond
-    found = box.clip(point.logs + found) - point.logs
-    along = jacobian @ found
-    return found, float(-along @ (2.0 * value + along))
+    change = box.clip(point.logs + change) - point.logs
+    along = jacobian @ change
+    return change, float(-along @ (2.0 * value + along))
 
 
 def _shortest(jacobian: np.ndarray, value: np.ndarray, radius: float) -> np.ndarray:
@@ -80,14 +80,14 @@ def _shortest(jacobian: np.ndarray, value: np.ndarray, radius: float) -> np.ndar
     left, size, right = left[:, seen], size[seen], right[seen]
     along = -left.T @ value
 
-    def of(damping: float) -> np.ndarray:
+    def damped(damping: float) -> np.ndarray:
         return size * along / (size**2 + damping)
 
-    if np.linalg.norm(of(0.0)) <= radius:
-        return right.T @ of(0.0)
+    if np.linalg.norm(damped(0.0)) <= radius:
+        return right.T @ damped(0.0)
     most = float(np.linalg.norm(size * along)) / radius
-    damping = brentq(lambda one: np.linalg.norm(of(one)) - radius, 0.0, most, rtol=1e-3)
-    return right.T @ of(damping)
+    damping = brentq(lambda damping: np.linalg.norm(damped(damping)) - radius, 0.0, most, rtol=1e-3)
+    return right.T @ damped(damping)
 
 
 def resolved(jacobian: ArrayLike) -> float:
@@ -98,7 +98,7 @@ def resolved(jacobian: ArrayLike) -> float:
 def minimise(
     at: Callable[[np.ndarray], Point], first: Point, box: Bounds, most_steps: int
 ) -> tuple[Point, int]:
-    """From the first point to the least sum of squares near it, and the points asked for.
+    """The least sum of squares near a first point, and the number of points evaluated.
 
     Args:
       at: residuals and slopes at a place.
@@ -117,13 +117,15 @@ def minimise(
         if abs(promised) < DONE and length > SHORT:
             return here, number
         there = at(here.logs + change)
-        kept = 2.0 * (here.loss - there.loss) / promised if there.finite and promised > 0.0 else 0.0
-        if kept > ACCEPTED:
+        share = 0.0  # of the promise that is kept
+        if there.finite and promised > 0.0:
+            share = 2.0 * (here.loss - there.loss) / promised
+        if share > ACCEPTED:
             here = there
         if abs(promised) < DONE:
             return here, number + 1
-        if kept < POOR:
+        if share < POOR:
             radius = 0.25 * length
-        elif kept > GOOD:
+        elif share > GOOD:
             radius = max(radius, 2.0 * length)
     return here, most_steps

@@ -20,7 +20,7 @@ AT_ONCE = 8
 
 
 class Given(NamedTuple):
-    """What a compiled fit takes beside the values."""
+    """The arguments of a compiled fit beside the values."""
 
     data: Any
     median: np.ndarray  # logarithms of the priors' medians, (K,)
@@ -83,7 +83,7 @@ def pseudo_huber(residuals: Array, longest: float) -> Array:
 
 
 def count_residuals(programs: Programs, logs: np.ndarray, given: Given) -> int:
-    """How many residuals there are, priors included.
+    """The number of residuals, priors included.
 
     Raises:
       InputError: none, or not a vector of one size.

@@ -93,7 +93,7 @@ def _where(rows: np.ndarray, new: np.ndarray, old: np.ndarray) -> np.ndarray:
 
 
 def _trusted(evaluator: Evaluator, here: Point) -> np.ndarray | None:
-    """Where a Gauss-Newton step leads that brings the decrease it promises, else None; one run.
+    """The end of a Gauss-Newton step that brings the decrease it promises, else None; one run.
 
     Nowhere, where it promises nothing.
     """

@@ -1,4 +1,4 @@
-"""What is fitted: P positive numbers, by name, and where searches for them begin."""
+"""The unknowns of a fit: P positive numbers, by name, and where searches begin."""
 
 import math
 from typing import Any, NamedTuple

@@ -1,4 +1,4 @@
-"""How densely the bed at rest lies: given, fitted, or simulated once."""
+"""The volume fraction of the bed at rest: given, fitted, or simulated once."""
 
 from pathlib import Path
 
@@ -25,7 +25,7 @@ def needs_a_bed(sample: Sample) -> bool:
 
 
 def fraction_of_bed(suspension: Suspension, bed: float | None) -> Array | None:
-    """What varies, or else what was simulated."""
+    """The fraction that varies, or else the one that was simulated."""
     return suspension.bed_fraction if bed is None else jnp.asarray(bed, float)
 
 
@@ -73,7 +73,7 @@ def to_rest(
 
 
 def refuse_other_paths(sample: Sample, varied: tuple[str, ...]) -> None:
-    """Passes where what varies changes only how fast the simulated bed forms."""
+    """Refuses to vary what changes more of a simulated bed than how fast it forms."""
     local = sample.recipe.drag.local
     for name in varied:
         if name in TIME_SCALES or (name.startswith(CLOSURE) and not local):

@@ -76,7 +76,7 @@ def _tube(sample: Sample, suspension: Suspension, cells: int) -> dict:
 
 
 def _enough(steps: int, tube: dict) -> int:
-    """As many steps as a fit has, or more where it is known that they do not do."""
+    """The steps of a fit, or more where it is known that these are too few."""
     if any(value_or_none(leaf) is None for leaf in jax.tree.leaves(tube)):
         return steps
     return max(steps, mrjax.column_steps(**tube))

@@ -43,7 +43,7 @@ def particles(
     varied: tuple[str, ...] = (),
     checkpoint: Path | None = None,
 ) -> ForwardModel:
-    """What a simulation of all particles of the recipe's box shows.
+    """A simulation of all particles of the recipe's box.
 
     A curve, and a final ratio where no bed fraction is given, come from one run to rest: without
     inertia, what changes the falling velocity v changes a curve's times by 1 / v and nothing else,

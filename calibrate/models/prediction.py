@@ -1,4 +1,4 @@
-"""What a forward model is, and what it predicts."""
+"""Forward models and their predictions."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -23,7 +23,7 @@ names of what will vary, and a folder that keeps a bed as it is simulated."""
 def prediction(
     sample: Sample, suspension: Suspension, velocity: Array, final: Array, ratio: Array
 ) -> Prediction:
-    """All that can be measured on a sample.
+    """The prediction of everything that can be measured on a sample.
 
     Args:
       sample: what was measured.
@@ -42,7 +42,7 @@ def prediction(
 
 
 def as_measured(sample: Sample, prediction: Prediction) -> list[Array]:
-    """What a prediction says of each measurement of its sample, in the measurement's unit; ()."""
+    """The predicted value of each measurement of a sample, in the measurement's unit; ()."""
     values = []
     for measurement in sample.measurements:
         value = prediction[measurement.observable]

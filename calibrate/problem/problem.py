@@ -85,16 +85,17 @@ class Problem:
         )
 
     def holds_at(self, theta: Mapping[str, float]) -> bool:
-        """Whether the models may be asked here.
+        """True if the models hold at these values.
 
         Velocities are within `HOLDS_WITHIN` of where they are prepared, or not a number.
         """
+        suspension_of = self.experiment.suspension_of
         for sample in () if self.everywhere else self.experiment.samples:
-            here, there = (
-                np.asarray(terminal_velocity(self.experiment.suspension_of(sample, of).parameters))
-                for of in (theta, self.near)
+            asked, prepared = (
+                np.asarray(terminal_velocity(suspension_of(sample, values).parameters))
+                for values in (theta, self.near)
             )
-            if (np.abs(np.log(here / there)) > np.log(HOLDS_WITHIN)).any():
+            if (np.abs(np.log(asked / prepared)) > np.log(HOLDS_WITHIN)).any():
                 return False
         return True
 
@@ -112,7 +113,7 @@ class Problem:
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
-        """What has a meaning, by variable: a fit keeps within it."""
+        """Physical bounds, by variable: a fit keeps within them."""
         return {one.variable: bounds(self.experiment, one) for one in self.experiment.parameters}
 
     @property
@@ -121,7 +122,7 @@ class Problem:
         return [(sample, one) for sample in self.experiment.samples for one in sample.measurements]
 
     def predict(self, theta: dict[str, Array]) -> Array:
-        """What should have been measured, each in the unit of its measurement, (M,)."""
+        """Predicted measurements, each in the unit of its measurement, (M,)."""
         predicted = []
         for sample, model in zip(self.experiment.samples, self.models, strict=True):
             predicted += as_measured(sample, model(self.experiment.suspension_of(sample, theta)))

@@ -1,4 +1,4 @@
-"""What people and programs read of a fit: JSON, sentences, Markdown, one HTML page, figures."""
+"""The report of a fit: JSON, sentences, Markdown, one HTML page, figures."""
 
 import lazy_loader
 

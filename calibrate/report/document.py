@@ -70,7 +70,7 @@ The search looks for the valley; Levenberg-Marquardt finishes it, or on a kink a
 
 
 def _verdict(result: dict[str, Any]) -> str:
-    """Whether the fit is to be used."""
+    """The verdict: whether the fit is to be used."""
     verdict = (
         "The fit converged."
         if result["converged"]
@@ -87,7 +87,7 @@ def _verdict(result: dict[str, Any]) -> str:
 
 
 def _predictions(result: dict[str, Any]) -> str:
-    """Predicted against measured."""
+    """The table of predicted and measured values."""
     return files.markdown_table(
         ["sample", "observable", "measured", "predicted", "unit", "difference / sigma"],
         (
@@ -105,7 +105,7 @@ def _predictions(result: dict[str, Any]) -> str:
 
 
 def _parameters(result: dict[str, Any]) -> str:
-    """The fitted values."""
+    """The table of fitted values."""
     return files.markdown_table(
         ["parameter", "one value for", "fitted", *LEVELS, "prior", "posterior", "determined"],
         (
@@ -124,7 +124,7 @@ def _parameters(result: dict[str, Any]) -> str:
 
 
 def _validity(result: dict[str, Any]) -> str:
-    """Where the model holds."""
+    """The dimensionless numbers, and where the model holds."""
     return files.markdown_table(
         ["sample", "number", "as fitted", "the model holds"],
         (

@@ -25,19 +25,19 @@ def figures(
     profiles: tuple[Profile, ...],
     samples: Posterior | None,
 ) -> dict[str, Figure]:
-    """All that there are for this fit, by the name of their file."""
-    found = {}
+    """The figures of a fit, by the name of their file."""
+    drawn = {}
     if any(one["observable"] not in CURVES for one in result["predictions"]):
-        found["predictions"] = predictions_figure(result)
+        drawn["predictions"] = predictions_figure(result)
     if any(one["observable"] in CURVES for one in result["predictions"]):
-        found["curves"] = curves_figure(result)
-    found["residuals"] = residuals_figure(result)
+        drawn["curves"] = curves_figure(result)
+    drawn["residuals"] = residuals_figure(result)
     if profiles:
-        found["profiles"] = profiles_figure(problem, profiles)
+        drawn["profiles"] = profiles_figure(problem, profiles)
     if samples is not None:
-        found["posterior"] = corner_figure(samples)
-    found["loss"] = loss_figure(fit)
-    return found
+        drawn["posterior"] = corner_figure(samples)
+    drawn["loss"] = loss_figure(fit)
+    return drawn
 
 
 @STYLE
@@ -106,23 +106,23 @@ def residuals_figure(result: dict[str, Any]) -> Figure:
 @STYLE
 def profiles_figure(problem: Problem, profiles: tuple[Profile, ...]) -> Figure:
     """Increase of chi-squared with each value, and the levels of its intervals."""
-    of = {one.variable: one for one in problem.experiment.parameters}
+    parameter_of = {parameter.variable: parameter for parameter in problem.experiment.parameters}
     figure = Figure(figsize=(0.4 + 1.65 * len(profiles), 1.9), layout="constrained")
     axes_of = figure.subplots(1, len(profiles), squeeze=False, sharey=True)[0]
     for axes, profile in zip(axes_of, profiles, strict=True):
-        one = of[profile.name]
+        parameter = parameter_of[profile.name]
         # Between its points a profile is a parabola: its root is straight.
         away = np.sign(np.linspace(-1.0, 1.0, len(profile.values)))
         root = away * np.sqrt(np.maximum(profile.increase, 0.0))
         first, last = np.log(profile.values[[0, -1]])
         logs = np.linspace(first, last, 200)
         increase = np.interp(logs, np.log(profile.values), root) ** 2
-        axes.plot([one.value(x) for x in np.exp(logs)], increase, color="black")
+        axes.plot([parameter.value(x) for x in np.exp(logs)], increase, color="black")
         for coverage, level in LEVELS.items():
             axes.axhline(level, color="0.6", lw=0.8)
             axes.annotate(coverage, (1.0, level), xycoords=("axes fraction", "data"), ha="right")
         axes.set_ylim(0, 9)
-        axes.set_xlabel(in_figure(one.label))
+        axes.set_xlabel(in_figure(parameter.label))
     axes_of[0].set_ylabel("increase of chi-squared")
     return figure
 

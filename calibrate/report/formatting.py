@@ -32,7 +32,7 @@ def with_error(value: float, error: float) -> str:
 
 
 def off(one: dict[str, Any], form: str = "{}") -> str:
-    """How far a prediction is off; nothing where zero was measured."""
+    """The relative difference of a prediction; nothing where zero was measured."""
     if not one["measured"]:
         return ""
     return form.format(f"{one['predicted'] / one['measured'] - 1:+.0%}")
@@ -63,7 +63,7 @@ def prior(one: dict[str, Any]) -> str:
 
 
 def determination(one: dict[str, Any]) -> str:
-    """Whether the data determine a value."""
+    """The column `determined` of a value."""
     if one["determined"]:
         return "yes"
     if one["status"] == "free":

@@ -1,4 +1,4 @@
-"""What a fit found, as plain tables: the contents of `fit.json`."""
+"""A fit as plain tables: the contents of `fit.json`."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -34,13 +34,13 @@ FASTER = 2.0
 def summary(
     problem: Problem,
     fit: Fit,
-    found: Identification,
+    identification: Identification,
     predicted: np.ndarray,
     profiles: tuple[Profile, ...] = (),
     samples: Posterior | None = None,
 ) -> dict[str, Any]:
-    """Everything a fit found, as plain tables. `predicted` is `problem.predict`, (M,)."""
-    agreed = agreement(problem, fit, found, predicted)
+    """A fit as plain tables. `predicted` is `problem.predict`, (M,)."""
+    agreed = agreement(problem, fit, identification, predicted)
     validity_of = {
         sample.name: _validity(problem.experiment.suspension_of(sample, fit.theta).parameters)
         for sample in problem.experiment.samples
@@ -48,8 +48,8 @@ def summary(
     return {
         "converged": fit.converged,
         "on_a_kink": fit.on_a_kink,
-        "parameters": _parameters(problem, fit, found, profiles, samples),
-        **_what_is_determined(problem, fit, found),
+        "parameters": _parameters(problem, fit, identification, profiles, samples),
+        **_what_is_determined(problem, fit, identification),
         "predictions": _predictions(problem, fit, predicted),
         "validity": {
             name: {one.name: {"value": one.value, "holds": one.holds} for one in numbers}
@@ -60,7 +60,7 @@ def summary(
         "chi_squared": fit.chi_squared,
         **_agreement(agreed),
         "robust": fit.robust,
-        "singular_values": found.singular_values,
+        "singular_values": identification.singular_values,
         "model_runs": fit.model_runs,
         "other_optima": [
             {"half_sum_of_squares": loss, "values": dict(zip(fit.names, values, strict=True))}
@@ -70,13 +70,15 @@ def summary(
     }
 
 
-def _what_is_determined(problem: Problem, fit: Fit, found: Identification) -> dict[str, Any]:
+def _what_is_determined(
+    problem: Problem, fit: Fit, identification: Identification
+) -> dict[str, Any]:
     """Combinations that the data determine, and values that they leave open."""
     labels = {one.variable: one.label for one in problem.experiment.parameters}
     open_values: dict[str, list[str]] = {key: [] for key in SAID}
     for name in fit.names:
-        if not found.determined[name]:
-            open_values[_why_open(found, name)].append(labels[name])
+        if not identification.determined[name]:
+            open_values[_why_open(identification, name)].append(labels[name])
     return {
         "determined_combinations": [
             {
@@ -85,22 +87,24 @@ def _what_is_determined(problem: Problem, fit: Fit, found: Identification) -> di
                 "standard_error": one.standard_error,
                 "exponents": one.exponents,
             }
-            for one in found.combinations
+            for one in identification.combinations
         ],
-        "null_directions": list(found.null_directions),
-        "weak_combinations": list(found.weak_combinations),
+        "null_directions": list(identification.null_directions),
+        "weak_combinations": list(identification.weak_combinations),
         **open_values,
     }
 
 
-def _why_open(found: Identification, name: str) -> str:
-    """Of a value that is not determined: which of `SAID` is said of it."""
-    if found.status[name] == "informed":
+def _why_open(identification: Identification, name: str) -> str:
+    """The key of `SAID` for a value that is not determined."""
+    if identification.status[name] == "informed":
         return "informed_by_data"
-    if not np.isfinite(found.standard_errors[name]):
+    if not np.isfinite(identification.standard_errors[name]):
         return "undetermined"
-    by_data_alone = found.status[name] == "free" and np.isfinite(found.data_standard_errors[name])
-    return "loosely_bounded" if by_data_alone else "carried_by_priors_alone"
+    bounded_by_data = np.isfinite(identification.data_standard_errors[name])
+    if identification.status[name] == "free" and bounded_by_data:
+        return "loosely_bounded"
+    return "carried_by_priors_alone"
 
 
 def _warnings(
@@ -118,7 +122,7 @@ def _warnings(
 
 
 def _too_fast(problem: Problem, fit: Fit) -> Iterator[str]:
-    """Of samples that fall faster as fitted than one of their particles would alone."""
+    """Warnings about samples that fall faster than one of their particles would alone."""
     for sample in problem.experiment.samples:
         parameters = problem.experiment.suspension_of(sample, fit.theta).parameters
         drag = float(np.mean(parameters.f_w * parameters.f_s * parameters.f_v))
@@ -140,18 +144,20 @@ def _notes(problem: Problem, fit: Fit) -> list[str]:
 
 
 def _at_bounds(problem: Problem, fit: Fit) -> list[str]:
-    """Of values that end where they would lose their meaning."""
-    logs, labels = np.log(fit.values), problem.experiment.parameters
+    """Notes on values that end at a physical bound."""
+    logs, parameters = np.log(fit.values), problem.experiment.parameters
     lower, upper = np.broadcast_arrays(*fit.box, logs)[:2]
     return [
-        f"{one.label} ended at {one.value(x):.4g}, the last value that has a meaning"
-        for one, x, log, low, high in zip(labels, fit.values, logs, lower, upper, strict=True)
+        f"{parameter.label} ended at {parameter.value(x):.4g}, the last value that has a meaning"
+        for parameter, x, log, low, high in zip(
+            parameters, fit.values, logs, lower, upper, strict=True
+        )
         if min(log - low, high - log) < 1e-9
     ]
 
 
 def _validity(parameters: Parameters) -> tuple[dimensionless.Number, ...]:
-    """Of a suspension that falls as fitted."""
+    """Dimensionless numbers of a suspension that falls as fitted."""
     return dimensionless.numbers(parameters, terminal_velocity(parameters))
 
 
@@ -180,48 +186,49 @@ def _posterior(samples: Posterior) -> dict[str, Any]:
 def _parameters(
     problem: Problem,
     fit: Fit,
-    found: Identification,
+    identification: Identification,
     profiles: tuple[Profile, ...],
     samples: Posterior | None,
 ) -> dict[str, dict[str, Any]]:
-    """Of every fitted value, in its own unit, by label."""
-    profile_of = {one.name: one for one in profiles}
+    """The rows of the fitted values, each in its own unit, by label."""
+    profile_of = {parameter.name: parameter for parameter in profiles}
     table = {}
-    for place, one in enumerate(problem.experiment.parameters):
+    for place, parameter in enumerate(problem.experiment.parameters):
         x = fit.values[place]
+        error = identification.standard_errors[parameter.variable]
         row = {
-            "value": one.value(x),
-            "standard_error": found.standard_errors[one.variable] * one.per_log(x) / x,
-            "determined": found.determined[one.variable],
-            "status": found.status[one.variable],
-            "data_standard_error": found.data_standard_errors[one.variable],
-            "samples": list(one.samples),
-            "prior_median": one.median,
-            "prior_log_standard_deviation": one.log_standard_deviation,
-            "bounds": one.bounds,
+            "value": parameter.value(x),
+            "standard_error": error * parameter.per_log(x) / x,
+            "determined": identification.determined[parameter.variable],
+            "status": identification.status[parameter.variable],
+            "data_standard_error": identification.data_standard_errors[parameter.variable],
+            "samples": list(parameter.samples),
+            "prior_median": parameter.median,
+            "prior_log_standard_deviation": parameter.log_standard_deviation,
+            "bounds": parameter.bounds,
             "profile": None,
             "posterior": None,
         }
-        if one.variable in profile_of:
+        if parameter.variable in profile_of:
             row["profile"] = {
-                coverage: [_end_of_interval(one, end) for end in ends]
-                for coverage, ends in profile_of[one.variable].intervals.items()
+                coverage: [_end_of_interval(parameter, end) for end in ends]
+                for coverage, ends in profile_of[parameter.variable].intervals.items()
             }
         if samples is not None:
-            drawn = one.value(samples.samples[:, place])
+            drawn = parameter.value(samples.samples[:, place])
             row["posterior"] = {
                 "median": np.median(drawn),
                 "standard_deviation": drawn.std(),
                 **{f"{q:g} %": np.percentile(drawn, q) for q in (2.5, 16, 84, 97.5)},
             }
-        table[one.label] = row
+        table[parameter.label] = row
     return table
 
 
-def _end_of_interval(one: FreeParameter, x: float) -> float:
+def _end_of_interval(parameter: FreeParameter, x: float) -> float:
     if np.isfinite(x):
-        return float(one.value(x))
-    return one.bounds[1] if one.bounds else np.inf
+        return float(parameter.value(x))
+    return parameter.bounds[1] if parameter.bounds else np.inf
 
 
 def _predictions(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[dict[str, Any]]:
@@ -231,8 +238,8 @@ def _predictions(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[dict
     known, _ = covariance(information(fit))
     slopes = fit.jacobian
     if (longest := fit.robust) is not None:  # back from how residuals count to what they are
-        of = jnp.asarray((predicted - problem.measured) / spreads)
-        counts = jax.vmap(jax.grad(lambda one: pseudo_huber(one, longest)))(of)
+        scaled = jnp.asarray((predicted - problem.measured) / spreads)
+        counts = jax.vmap(jax.grad(lambda one: pseudo_huber(one, longest)))(scaled)
         slopes = slopes / np.asarray(counts)[:, None]
     errors = spreads * np.sqrt(np.einsum("mp,pq,mq->m", slopes, known, slopes))
     return [
@@ -257,19 +264,19 @@ def _predictions(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[dict
     ]
 
 
-def forecasts(found: list[Forecast]) -> list[dict[str, Any]]:
+def forecasts(predictions: list[Forecast]) -> list[dict[str, Any]]:
     """Predictions of samples that were not fitted, as plain tables."""
     return [
         {
-            "sample": one.sample,
-            "observable": one.measurement.observable,
-            "measured": one.measurement.value,
-            "sigma": one.measurement.standard_deviation,
-            "predicted": one.predicted,
-            "predicted_error": one.standard_error,
-            "unit": one.measurement.unit,
-            "difference_over_both_errors": one.off,
-            **({} if one.time is None else {"time_s": one.time}),
+            "sample": forecast.sample,
+            "observable": forecast.measurement.observable,
+            "measured": forecast.measurement.value,
+            "sigma": forecast.measurement.standard_deviation,
+            "predicted": forecast.predicted,
+            "predicted_error": forecast.standard_error,
+            "unit": forecast.measurement.unit,
+            "difference_over_both_errors": forecast.off,
+            **({} if forecast.time is None else {"time_s": forecast.time}),
         }
-        for one in found
+        for forecast in predictions
     ]

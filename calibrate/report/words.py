@@ -10,7 +10,7 @@ from mrjax.core.text import in_code, in_markdown, in_terminal
 
 
 class Language(NamedTuple):
-    """What names of samples and of values are put into."""
+    """How names of samples and of values are escaped."""
 
     text: Callable[[str], str]
     code: Callable[[str], str]
@@ -42,7 +42,7 @@ SAID = {
 
 
 def in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]:
-    """What the data determine and what they do not, a sentence a line."""
+    """The result in sentences: what the data determine and what they do not; one a line."""
     text, code = language
     parameters, combinations = result["parameters"], result["determined_combinations"]
     lines = [_misfit(result)] if result["misfit"] else []
@@ -90,7 +90,7 @@ def in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]
 
 
 def _misfit(result: dict[str, Any]) -> str:
-    """How far the data are from the model."""
+    """The sentence about data that do not agree with the model."""
     p = "" if result["p_value"] is None else f", p {by_chance(result['p_value'])}"
     return (
         f"The data do not agree with the model, or with each other: chi-squared is "

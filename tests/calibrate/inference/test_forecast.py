@@ -7,7 +7,7 @@ import calibrate
 import mrjax
 from calibrate import Experiment, Problem
 from calibrate.experiment.sample import Measurement
-from calibrate.inference.forecast import Forecast, forecast, like, without
+from calibrate.inference.forecast import Forecast, forecast, leave_out, sample_like
 
 near = pytest.approx
 
@@ -50,7 +50,7 @@ def two(tmp_path) -> Experiment:
 
 def test_a_new_recipe_has_what_its_sample_holds_and_not_what_others_do(two):
     for name, f_s, f_v in (("A", 1.5, 1.0), ("B", 1.1, 3.0)):
-        wider, sample = like(two, mrjax.Recipe.load("case2"), name)
+        wider, sample = sample_like(two, mrjax.Recipe.load("case2"), name)
         parameters = wider.suspension_of(sample, two.start).parameters
         assert (float(parameters.f_s), float(parameters.f_v)) == (f_s, f_v)
         assert wider.varied(sample) == ("f_w", "viscosity")
@@ -64,14 +64,14 @@ def test_the_bed_of_a_new_recipe_is_predicted_where_its_sample_has_one(two):
         ("A", ["initial_velocity", "final_ratio"]),
         ("B", ["initial_velocity"]),
     ):
-        _, sample = like(two, mrjax.Recipe.load("case2"), name)
+        _, sample = sample_like(two, mrjax.Recipe.load("case2"), name)
         assert [one.observable for one in sample.measurements] == observables
         assert all(np.isnan(one.value) for one in sample.measurements)
 
 
 def test_what_the_fit_does_not_know_is_believed_as_before(two):
     """Velocity ~ 1 / (f_w viscosity); without B nothing is known of its viscosity but the prior."""
-    rest = without(two, "B")
+    rest = leave_out(two, "B")
     assert [one.label for one in rest.parameters] == ["f_w", "viscosity[A]"]
     problem = Problem.prepare(rest, "closed-form")
     fit = calibrate.fit(problem.residuals, problem.start, priors=problem.priors)

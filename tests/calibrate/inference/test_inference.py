@@ -13,7 +13,7 @@ import mrjax
 from calibrate import Experiment, LogNormal, Problem, report
 from calibrate import fit as fitted_to
 from calibrate.experiment.free_parameters import FreeParameter
-from calibrate.inference.forecast import forecast, leave_one_out, like
+from calibrate.inference.forecast import forecast, leave_one_out, sample_like
 from calibrate.inference.posterior import posterior
 from calibrate.inference.profile import profiles
 from tests.builders.valleys import BENT, bent
@@ -190,14 +190,14 @@ def test_a_new_recipe_with_the_uncertainty_of_the_fit(fang):
     """Sample A again is predicted with the error that its own measurements leave."""
     problem = Problem.prepare(fang, "closed-form")
     fit = fitted_to(problem.residuals, problem.start, priors=problem.priors)
-    wider, sample = like(fang, mrjax.Recipe.load("case2"), "A")
+    wider, sample = sample_like(fang, mrjax.Recipe.load("case2"), "A")
     velocity, ratio = forecast(wider, fit, sample, "closed-form")
     assert velocity.predicted == near(7.995, rel=1e-3)
     assert velocity.standard_error == near(0.1, rel=0.02)
     assert 100 * ratio.predicted == near(77.95, rel=1e-3)
     assert 100 * ratio.standard_error == near(1.0, rel=0.02)
     with pytest.raises(mrjax.InputError, match="'Z': no such sample; fang2005 has A, B"):
-        like(fang, mrjax.Recipe.load("case2"), "Z")
+        sample_like(fang, mrjax.Recipe.load("case2"), "Z")
 
 
 def test_a_prediction_along_a_direction_that_nothing_bounds_is_open(fang):
@@ -213,7 +213,7 @@ def test_a_prediction_along_a_direction_that_nothing_bounds_is_open(fang):
     )
     problem = Problem.prepare(free, "closed-form")
     fit = fitted_to(problem.residuals, problem.start, priors=problem.priors)
-    wider, sample = like(free, mrjax.Recipe.load("case2"), "A")
+    wider, sample = sample_like(free, mrjax.Recipe.load("case2"), "A")
     closed = forecast(wider, fit, sample, "closed-form")
     assert np.isfinite(closed[0].standard_error)  # only their product is needed
     only_f_w = Experiment(
@@ -238,8 +238,8 @@ def test_intervals_hold_the_truth_as_often_as_they_say():
 def test_a_recipe_of_another_closure_is_like_no_sample(fang, tmp_path):
     synthetic = Experiment.load("synthetic")
     with pytest.raises(mrjax.InputError, match=r"f_w.exponent was fitted in the closure of thin"):
-        like(synthetic, mrjax.Recipe.load("case2"), "thin")
-    wider, sample = like(fang, fang.samples[0].recipe.model_copy(update={"name": "B"}), "A")
+        sample_like(synthetic, mrjax.Recipe.load("case2"), "thin")
+    wider, sample = sample_like(fang, fang.samples[0].recipe.model_copy(update={"name": "B"}), "A")
     assert sample.name == "B (new)"
     assert "f_v" not in wider.varied(sample) and "f_v" in wider.varied(fang.samples[1])
 
