@@ -1,0 +1,82 @@
+"""Single steps and whole paths of Levenberg and Marquardt's method, by hand."""
+
+import numpy as np
+import pytest
+
+from calibrate.least_squares import levenberg
+from calibrate.least_squares.bounds import Bounds
+from calibrate.least_squares.levenberg import Point
+
+OPEN = Bounds(np.full(2, -np.inf), np.full(2, np.inf))
+
+
+def point_of(residuals, jacobian, logs=(0.0, 0.0)):
+    value, slopes = np.array(residuals, float), np.array(jacobian, float)
+    return Point(0.5 * float(value @ value), np.array(logs, float), slopes, value)
+
+
+def test_a_free_step_solves_straight_residuals_and_promises_all_of_them():
+    change, promised = levenberg.step(point_of([3.0, -4.0], [[1.0, 0.0], [0.0, 2.0]]), OPEN)
+    np.testing.assert_allclose(change, [-3.0, 2.0], rtol=1e-12)
+    assert promised == pytest.approx(25.0)
+
+
+def test_a_step_is_no_longer_than_its_radius():
+    point = point_of([3.0, -4.0], [[1.0, 0.0], [0.0, 2.0]])
+    change, promised = levenberg.step(point, OPEN, 0.5)
+    assert np.linalg.norm(change) == pytest.approx(0.5, rel=2e-3)
+    assert 0.0 < promised < 25.0
+
+
+def test_a_step_goes_nowhere_along_what_the_data_do_not_see():
+    change, _ = levenberg.step(point_of([2.0], [[1.0, 1.0]]), OPEN)
+    np.testing.assert_allclose(change, [-1.0, -1.0], rtol=1e-12)
+    change, _ = levenberg.step(point_of([2.0], [[1.0, 1e-12]]), OPEN)
+    np.testing.assert_allclose(change, [-2.0, -2e-12], rtol=1e-6)
+
+
+def test_what_would_leave_the_bounds_ends_on_them_and_the_rest_follows():
+    """Coordinates are freed one after the other; one that is on a bound stays there."""
+    box = Bounds(np.array([-1.0, -0.5, -9.0]), np.array([1.0, 0.5, 9.0]))
+    # x + y + z = 6, x = 3 and y = 2 are asked for, softly: z takes what bounds leave.
+    jacobian = [[10.0, 10.0, 10.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
+    change, _ = levenberg.step(point_of([-60.0, -3.0, -2.0], jacobian, (0.0,) * 3), box)
+    np.testing.assert_allclose(change, [1.0, 0.5, 4.5], rtol=1e-9)
+
+
+def test_without_numbers_there_is_no_step():
+    change, promised = levenberg.step(point_of([np.nan], [[1.0, 1.0]]), OPEN)
+    assert not change.any() and promised == np.inf
+
+
+def test_a_path_that_overshoots_is_shortened_and_never_taken_uphill():
+    """atan, whose full steps from 3 on lead farther and farther away."""
+    asked = []
+
+    def at(logs):
+        asked.append(float(logs[0]))
+        return point_of(np.arctan(logs), 1.0 / (1.0 + logs[:, None] ** 2), logs)
+
+    one = Bounds(np.array([-np.inf]), np.array([np.inf]))
+    end, runs = levenberg.minimise(at, at(np.array([3.0])), one, 60)
+    assert abs(end.logs[0]) < 1e-4 and runs == len(asked) - 1
+    accepted = [asked[0]]
+    for logs in asked[1:]:
+        if abs(np.arctan(logs)) < abs(np.arctan(accepted[-1])):
+            accepted.append(logs)
+    assert abs(accepted[-1]) < 1e-4
+    assert len(asked) < 12
+    lengths = np.abs(np.diff(asked))
+    assert lengths[0] == pytest.approx(levenberg.LONGEST, rel=2e-3)
+    assert lengths.max() == lengths[0]
+
+
+def test_a_path_ends_where_next_to_nothing_is_promised():
+    def at(logs):
+        return point_of(logs - 1.0, np.eye(2), logs)
+
+    end, runs = levenberg.minimise(at, at(np.zeros(2)), OPEN, 20)
+    np.testing.assert_allclose(end.logs, [1.0, 1.0], rtol=1e-12)
+    assert runs <= 2
+    _, runs = levenberg.minimise(at, at(np.ones(2)), OPEN, 20)
+    assert runs == 0

@@ -1,0 +1,158 @@
+"""Numbers as text, and what a report says: signs, digits, units, figures."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from calibrate.report import document, figures, formatting, tables, words
+
+READING = {
+    "sample": "A",
+    "observable": "mudline",
+    "measured": 80.0,
+    "sigma": 0.5,
+    "predicted": 81.0,
+    "predicted_error": 0.25,
+    "unit": "mm",
+    "time_s": 43200.0,
+}
+VELOCITY = READING | {"observable": "initial_velocity", "unit": "mm/day", "measured": 8.0}
+VELOCITY |= {"predicted": 7.6, "sigma": 0.2}
+
+
+@pytest.mark.parametrize(
+    "value, error, text",
+    [
+        (61.403, 0.768, "61.40 ± 0.77"),
+        (61.403, 7.68, "61.4 ± 7.7"),
+        (614.03, 99.0, "614 ± 99"),
+        (614.03, 768.0, "614 ± 768"),
+        (0.0012345, 0.000123, "0.00123 ± 0.00012"),
+    ],
+)
+def test_a_value_has_two_digits_of_its_error(value, error, text):
+    assert formatting.with_error(value, error) == text
+
+
+def test_a_difference_is_that_of_the_prediction():
+    assert formatting.off(VELOCITY) == "-5%"
+    assert formatting.off(VELOCITY | {"predicted": 10.0}, " ({})") == " (+25%)"
+    assert formatting.off(VELOCITY | {"measured": 0.0}) == ""
+
+
+def test_a_reading_of_a_curve_has_its_time_in_days():
+    assert formatting.when(READING) == " at 0.5 days"
+    assert formatting.when(VELOCITY) == ""
+
+
+def test_a_prior_is_told_by_its_factor():
+    row = {"prior_log_standard_deviation": np.log(2.0), "prior_median": 1.1, "bounds": None}
+    assert formatting.prior(row) == "1.1, 2"
+    assert formatting.prior(row | {"bounds": (0.5, 0.7)}) == "1.1, 2, 0.5 to 0.7"
+    assert formatting.prior(row | {"prior_log_standard_deviation": None}) == "none"
+
+
+@pytest.mark.parametrize("p, text", [(0.0123, "= 0.012"), (2e-12, "= 2e-12"), (1e-13, "< 1e-12")])
+def test_a_chance_is_told_down_to_its_least(p, text):
+    assert formatting.by_chance(p) == text
+
+
+@pytest.mark.parametrize(
+    "error, bounds, text",
+    [
+        (0.51, None, "2, within a factor of 1.67"),
+        (0.49, None, "2.00 ± 0.10"),
+        (0.51, (1, 3), "2.00 ± 0.10"),
+    ],
+)
+def test_a_loose_value_has_a_factor_for_its_error(error, bounds, text):
+    row = {"value": 2.0, "standard_error": 0.1, "data_standard_error": error, "status": "free"}
+    assert formatting.fitted_value(row | {"bounds": bounds}) == text
+
+
+@pytest.mark.parametrize(
+    "status, data, both, text",
+    [
+        ("determined", 0.1, 0.1, "yes"),
+        ("informed", 0.1, 0.1, "no, informed"),
+        ("prior only", 9.0, 0.1, "no, prior only"),
+        ("free", np.inf, 0.1, "no, prior only"),
+        ("free", 0.9, 0.1, "no, free"),
+        ("free", np.inf, np.inf, "no, free"),
+    ],
+)
+def test_a_value_is_called_as_the_data_leave_it(status, data, both, text):
+    row = {"determined": status == "determined", "status": status}
+    errors = {"data_standard_error": data, "standard_error": both}
+    assert formatting.determination(row | errors) == text
+
+
+def test_a_forecast_is_a_sentence():
+    text = "A, not fitted: initial velocity 7.60 ± 0.25 mm/day predicted"
+    assert words.line(VELOCITY) == f"{text}, 8 ± 0.2 measured (-5%)."
+    assert words.line(VELOCITY | {"measured": np.nan}) == f"{text}."
+
+
+def test_differences_in_the_tables_of_a_report_are_predicted_minus_measured():
+    result = {"predictions": [READING, VELOCITY]}
+    first, second = document._predictions(result).splitlines()[2:4]
+    assert "80 ± 0.5" in first and "81.00 ± 0.25" in first and "+2.00" in first
+    assert "mudline at 0.5 days" in first
+    assert "-2.00" in second
+    left_out = document._left_out([VELOCITY | {"difference_over_both_errors": -1.25}])
+    assert "-5%" in left_out and "-1.25" in left_out
+    assert document._left_out([]) == ""
+
+
+def verdict(**changes):
+    result = {"converged": True, "misfit": False, "other_optima": []}
+    return document._verdict(result | changes)
+
+
+def test_a_verdict_says_what_is_wrong():
+    assert verdict() == "The fit converged."
+    assert "do not use these values" in verdict(converged=False)
+    assert "do not agree" in verdict(misfit=True)
+    assert "2 of the starts ended in worse optima" in verdict(other_optima=[1, 2])
+    posterior = {"r_hat": 1.5, "effective_samples": 30.0, "divergences": 2, "converged": False}
+    assert "do not use them** (R-hat 1.500, 30 effective" in document._posterior(posterior)
+    assert "agree between chains" in document._posterior(posterior | {"converged": True})
+    assert document._posterior(None) == ""
+
+
+def test_figures_show_residuals_and_curves_as_they_are():
+    """Read off the drawn lines: differences in sigmas, days, and a band of two errors."""
+    later = READING | {"time_s": 86400.0, "predicted": 70.0, "measured": 72.0}
+    result = {"predictions": [READING, later]}
+    (axes,) = figures.residuals_figure(result).axes
+    drawn = [line for line in axes.lines if line.get_label() == "sample A"]
+    np.testing.assert_allclose(drawn[0].get_ydata(), [2.0, -4.0])
+    (axes,) = figures.curves_figure(result).axes
+    (line,) = [line for line in axes.lines if line.get_label() == "predicted"]
+    np.testing.assert_allclose(line.get_xydata(), [[0.5, 81.0], [1.0, 70.0]])
+    (band,) = [one for one in axes.collections if one.get_paths()[0].vertices.shape[0] > 4]
+    heights = band.get_paths()[0].vertices[:, 1]
+    assert (heights.max(), heights.min()) == (81.5, 69.5)
+    assert axes.get_ylabel() == "mudline, mm"
+
+
+def test_a_search_is_drawn_before_its_finish():
+    (axes,) = figures.loss_figure(SimpleNamespace(loss=np.array([100.0, 10.0, 1.0]))).axes
+    search, finish = axes.lines
+    np.testing.assert_allclose(search.get_ydata(), [100.0, 10.0])
+    np.testing.assert_allclose(finish.get_xydata(), [[2.0, 1.0]])
+
+
+@pytest.mark.parametrize("drag, told", [(0.49, True), (0.51, False)])
+def test_a_suspension_twice_as_fast_as_its_particles_is_told(drag, told):
+    parameters = SimpleNamespace(f_w=np.array(0.7), f_s=np.array(1.0), f_v=np.array(drag / 0.7))
+    experiment = SimpleNamespace(
+        samples=[SimpleNamespace(name="A")],
+        suspension_of=lambda *_: SimpleNamespace(parameters=parameters),
+    )
+    problem = SimpleNamespace(experiment=experiment)
+    told_of = list(tables._too_fast(problem, SimpleNamespace(theta=None)))
+    assert bool(told_of) == told
+    if told:
+        assert "falls 2.04 times faster" in told_of[0] and "= 0.49" in told_of[0]

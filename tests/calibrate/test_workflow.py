@@ -1,0 +1,92 @@
+"""The workflow as a call: what is asked for is done, and what goes wrong later is collected."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+import mrjax
+from calibrate import Experiment, calibration
+from calibrate.calibration import Options, calibrate_experiment
+
+
+@pytest.fixture(scope="module")
+def fang() -> Experiment:
+    return Experiment.load("fang2005")
+
+
+def test_a_calibration_holds_all_that_was_asked_for(fang, tmp_path):
+    options = Options(
+        "closed-form", leave_one_out=True, predict=mrjax.Recipe.load("case2"), like="A"
+    )
+    done = calibrate_experiment(fang, options, checkpoint=tmp_path)
+    assert done.fit.converged and done.faults == () and done.posterior is None
+    assert {one.name for one in done.profiles} >= {"f_w", "f_s", "f_v"}
+    assert [one.sample for one in done.new] == ["case2", "case2"]
+    assert {one.sample for one in done.left_out} == {"A", "B"}
+    assert {path.name for path in tmp_path.iterdir()} >= {"fit", "left-out"}
+    result = done.tables()
+    assert (result["experiment"], result["model"], result["begun_with"], result["seed"]) == (
+        "fang2005",
+        "closed-form",
+        None,
+        0,
+    )
+    assert len(result["left_out"]) == 4 and len(result["new"]) == 2
+    np.testing.assert_allclose(done.predicted, [8.0, 78.0, 3.6, 90.0], rtol=0.02)
+    more = {"dtype": "float64", "versions": {}, "wall_seconds": 1.0}
+    done.write(tmp_path, result | more, pdf=False, progress=False)
+    assert {"fit.json", "report.md", "report.html"} <= {path.name for path in tmp_path.iterdir()}
+
+
+def test_of_a_fit_that_did_not_converge_nothing_is_derived(fang, monkeypatch):
+    def stuck(*arguments, **options):
+        problem, fit = fit_experiment(*arguments, **options)
+        return problem, dataclasses.replace(fit, converged=False)
+
+    fit_experiment = calibration.fit_experiment
+    monkeypatch.setattr(calibration, "fit_experiment", stuck)
+    monkeypatch.setattr(calibration, "sample_posterior", None)  # nothing to be called
+    monkeypatch.setattr(calibration, "refuse_without_sampler", lambda: None)
+    recipe = mrjax.Recipe.load("case2")
+    done = calibrate_experiment(
+        fang, Options("closed-form", posterior=True, predict=recipe, like="A")
+    )
+    assert (done.profiles, done.posterior, done.new, done.faults) == ((), None, None, ())
+
+
+def test_what_goes_wrong_after_the_fit_is_collected_in_its_order(fang, monkeypatch):
+    def refused(*_, **__):
+        raise mrjax.InputError("no samples")
+
+    def failed(*_, **__):
+        raise mrjax.SimulationError("no forecast")
+
+    monkeypatch.setattr(calibration, "sample_posterior", refused)
+    monkeypatch.setattr(calibration, "refuse_without_sampler", lambda: None)
+    monkeypatch.setattr(calibration.forecast, "leave_one_out", failed)
+    done = calibrate_experiment(fang, Options("closed-form", posterior=True, leave_one_out=True))
+    assert list(map(str, done.faults)) == ["no samples", "no forecast"]
+    assert done.fit.converged and done.left_out is None
+    assert "left_out" not in done.tables()
+
+
+def test_options_that_an_experiment_cannot_have_are_refused_before_the_fit(fang, monkeypatch):
+    monkeypatch.setattr(calibration, "fit_experiment", None)
+    recipe = mrjax.Recipe.load("case2")
+    with pytest.raises(mrjax.InputError, match="'Z': no such sample"):
+        calibrate_experiment(fang, Options("closed-form", predict=recipe, like="Z"))
+    alone = dataclasses.replace(fang, samples=fang.samples[:1])
+    with pytest.raises(mrjax.InputError, match="has one sample"):
+        calibrate_experiment(alone, Options("closed-form", leave_one_out=True))
+
+
+def test_a_fit_that_ends_without_numbers_is_no_calibration(fang, monkeypatch):
+    def lost(*arguments, **options):
+        problem, fit = fit_experiment(*arguments, **options)
+        return problem, dataclasses.replace(fit, jacobian=np.nan * fit.jacobian)
+
+    fit_experiment = calibration.fit_experiment
+    monkeypatch.setattr(calibration, "fit_experiment", lost)
+    with pytest.raises(mrjax.SimulationError, match="where nothing can be predicted"):
+        calibrate_experiment(fang, Options("closed-form"))
