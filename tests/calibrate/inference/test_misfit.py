@@ -1,5 +1,7 @@
 """Readings that do not agree: what is said of them, and from where on a fit is not trusted."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -117,3 +119,44 @@ def test_a_value_at_the_end_of_its_meaning_is_noted(tmp_path):
     result = report.summary(problem, fit, said, predicted)
     assert fit.converged and fit.values[0] == pytest.approx(1e9)
     assert any("f_w ended at 1e+09" in note for note in result["notes"])
+
+
+def readings_of(*rows):
+    """As much of a problem as `misfit` reads, of observables, values and units in SI."""
+    measurements = [
+        (None, SimpleNamespace(observable=observable, value=value, si=si))
+        for observable, value, si in rows
+    ]
+    measured = np.array([value for _, value, _ in rows])
+    return SimpleNamespace(measurements=measurements, measured=measured)
+
+
+def test_residuals_are_measured_by_the_range_of_their_own_kind():
+    """Mudlines of 10 cm and 60 mm span 40 mm, whatever their units; ratios span 0.5."""
+    problem = readings_of(
+        ("mudline", 10.0, 1e-2), ("mudline", 60.0, 1e-3), ("final_ratio", 0.9, 1.0),
+        ("final_ratio", 0.4, 1.0),
+    )  # fmt: skip
+    off = np.array([0.4, 0.0, 0.0, 0.1])
+    share = misfit._share(problem, problem.measured + off)
+    assert share == pytest.approx(np.sqrt((0.1**2 + 0.2**2) / 4))
+
+
+def test_the_range_of_one_reading_is_its_size():
+    problem = readings_of(("mudline", -10.0, 1e-2))
+    assert misfit._share(problem, np.array([-9.0])) == pytest.approx(0.1)
+    assert misfit._share(readings_of(("mudline", 0.0, 1.0)), np.array([0.5])) == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("robust", [None, 2.0])
+def test_degrees_of_freedom_are_readings_less_what_they_determine(robust):
+    """Of three values two readings of four determine one product."""
+    problem = readings_of(*[("mudline", value, 1.0) for value in (1.0, 2.0, 3.0, 4.0)])
+    fit = SimpleNamespace(chi_squared=12.0, robust=robust, values=np.ones(3))
+    found = misfit.agreement(problem, fit, SimpleNamespace(combinations=("a * b",)), np.ones(4))
+    assert (found.degrees_of_freedom, found.reduced_chi_squared) == (3, 4.0)
+    assert found.error_scale == 2.0 and not found.misfit
+    if robust is None:
+        assert found.p_value == pytest.approx(0.00738316, rel=1e-5)  # tables of chi-squared
+    else:
+        assert found.p_value is None

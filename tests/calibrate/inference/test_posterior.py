@@ -9,11 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import calibrate
 import mrjax
 from calibrate import LogNormal
 from calibrate import fit as fitted_to
 from calibrate.inference import chains, diagnostics
+from calibrate.inference import posterior as sampling
 from calibrate.inference.chains import Sampler, arrays
+from calibrate.inference.curvature import information
 from calibrate.inference.posterior import Posterior, posterior
 from mrjax.core.promotion import relaxed_promotion
 from tests.builders import ROOT
@@ -199,3 +202,37 @@ def test_ctrl_c_ends_a_long_call_within_two_seconds(call):
     assert done.returncode == 0, done.stderr[-2000:]
     waits = [float(line) for line in done.stdout.split()]
     assert len(waits) == 10 and max(waits) < 2.0
+
+
+def test_draws_of_the_warm_up_are_no_samples(monkeypatch):
+    """Nor do its divergences count: three of the draws alone."""
+    fit = calibrate.fit(lambda theta: (jnp.log(theta["a"]) / 0.1)[None], {"a": 2.0})
+    warm_up = np.full((4, sampling.WARM_UP, 1), 1e3)
+    draws = np.random.default_rng(0).normal(size=(4, 50, 1))
+    divergent = np.zeros((4, sampling.WARM_UP + 50), bool)
+    divergent[:, : sampling.WARM_UP] = True
+    divergent[1, -3:] = True
+    piece = chains.Piece(np.concatenate([warm_up, draws], axis=1), divergent)
+    monkeypatch.setattr(sampling, "_drawn", lambda *_: piece)
+    monkeypatch.setattr(sampling, "_effective", lambda draws: np.full(draws.shape[2], 500.0))
+    drawn = posterior(fit, samples=50)
+    np.testing.assert_allclose(np.log(drawn.samples), 0.1 * draws.reshape(-1, 1), atol=1e-9)
+    assert drawn.divergences == 3 and not drawn.converged
+
+
+def test_positions_are_whitened_by_a_root_of_the_covariance():
+    def residuals(theta):
+        a, b = jnp.log(theta["a"]), jnp.log(theta["b"])
+        return jnp.stack([10.0 * (a + b), 2.0 * (a - b)])
+
+    fit = calibrate.fit(residuals, {"a": 1.5, "b": 1.0})
+    root, best = map(np.asarray, sampling._whitening(fit))
+    np.testing.assert_allclose(root @ root.T, np.linalg.inv(information(fit)), rtol=1e-9)
+    np.testing.assert_allclose(best, np.log(fit.values), atol=1e-12)
+
+
+def test_tails_are_a_twentieth_to_either_side():
+    draws = np.random.default_rng(0).permutation(np.arange(400.0)).reshape(4, 100, 1)
+    low, high = diagnostics.tails(draws)
+    assert (low.sum(), high.sum()) == (20, 380)
+    assert (draws[low == 1.0] < 20).all() and (draws[high == 0.0] >= 380).all()

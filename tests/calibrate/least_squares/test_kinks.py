@@ -69,6 +69,21 @@ def test_a_simplex_keeps_within_bounds_and_finds_the_least():
     assert result.fun == pytest.approx((1.0 + np.log(1.2)) ** 2, rel=1e-9)
 
 
+def test_a_kink_is_found_twice_from_either_side(monkeypatch):
+    """Not by the first simplex alone, however well it ends."""
+    sizes, simplex = [], kinks._simplex
+
+    def counted(evaluator, end, size):
+        sizes.append(size)
+        return simplex(evaluator, end, size)
+
+    monkeypatch.setattr(kinks, "_simplex", counted)
+    evaluator = evaluator_of(kinked, {"a": 1.0})
+    _, on_a_kink, runs = kinks.without_slopes(evaluator, evaluator.at(np.zeros(1)))
+    assert on_a_kink and sizes == [kinks.SIMPLEX, -kinks.SIMPLEX]
+    assert runs > 8
+
+
 @pytest.mark.parametrize("pull, told", [(0.65, True), (0.4, False)])
 def test_other_optima_are_told_from_a_half_on(pull, told):
     """Two valleys, at ln a = -1 and nearly 1, whose losses are about 2 pull^2 apart."""

@@ -36,11 +36,10 @@ def test_a_step_goes_nowhere_along_what_the_data_do_not_see():
 
 
 def test_what_would_leave_the_bounds_ends_on_them_and_the_rest_follows():
-    """Coordinates are freed one after the other; one that is on a bound stays there."""
+    """x ends on its bound, which drives y onto its own; z takes what both leave of the sum, 6."""
     box = Bounds(np.array([-1.0, -0.5, -9.0]), np.array([1.0, 0.5, 9.0]))
-    # x + y + z = 6, x = 3 and y = 2 are asked for, softly: z takes what bounds leave.
-    jacobian = [[10.0, 10.0, 10.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
-    change, _ = levenberg.step(point_of([-60.0, -3.0, -2.0], jacobian, (0.0,) * 3), box)
+    jacobian = [[10.0, 10.0, 10.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0]]
+    change, _ = levenberg.step(point_of([-60.0, -3.0, -3.4], jacobian, (0.0,) * 3), box)
     np.testing.assert_allclose(change, [1.0, 0.5, 4.5], rtol=1e-9)
 
 
@@ -60,15 +59,9 @@ def test_a_path_that_overshoots_is_shortened_and_never_taken_uphill():
     one = Bounds(np.array([-np.inf]), np.array([np.inf]))
     end, runs = levenberg.minimise(at, at(np.array([3.0])), one, 60)
     assert abs(end.logs[0]) < 1e-4 and runs == len(asked) - 1
-    accepted = [asked[0]]
-    for logs in asked[1:]:
-        if abs(np.arctan(logs)) < abs(np.arctan(accepted[-1])):
-            accepted.append(logs)
-    assert abs(accepted[-1]) < 1e-4
-    assert len(asked) < 12
-    lengths = np.abs(np.diff(asked))
-    assert lengths[0] == pytest.approx(levenberg.LONGEST, rel=2e-3)
-    assert lengths.max() == lengths[0]
+    # Ten to the left it is worse there: from where it was, a quarter as far.
+    np.testing.assert_allclose(asked[1:3], [-7.0, 0.5], rtol=5e-3)
+    assert levenberg.LONGEST == 10.0 and len(asked) < 12
 
 
 def test_a_path_ends_where_next_to_nothing_is_promised():
