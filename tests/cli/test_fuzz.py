@@ -21,7 +21,7 @@ import mrjax.__main__
 from calibrate import Experiment
 from mrjax import InputError, Recipe
 from mrjax.cli import environment, exit_status
-from mrjax.paper import table
+from mrjax.paper import runs
 from mrjax.simulation import derived, processes
 
 FEW, MANY = 60, 1300
@@ -388,7 +388,7 @@ def nothing_is_computed(monkeypatch, tmp_path):
     monkeypatch.setattr(environment, "start_jax", lambda *_, **__: None)
     monkeypatch.setattr(mrjax, "disperse", reached)
     monkeypatch.setattr(processes, "join", reached)
-    monkeypatch.setattr(table, "simulated", reached)
+    monkeypatch.setattr(runs, "simulated", reached)
     monkeypatch.setattr(calibrate.calibration, "fit_experiment", reached)
 
 

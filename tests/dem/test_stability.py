@@ -296,13 +296,15 @@ def test_a_contact_that_has_no_part_in_the_mode_of_before_is_found():
         places = [[1.1, 1.5, 2.3], [1.1 + gaps[0], 1.5, 2.3]]
         places += [[1.1, 4.5, 2.3], [1.1 + gaps[1], 4.5, 2.3]]
         rates.append(listed_contacts(jnp.array(places), BOX, parameters))
-    swing = stability.unknown(4, jnp.dtype(float))
+    swing = stability.initial_estimate(4, jnp.dtype(float))
     kicks = integrator.kick(parameters, 1.0), integrator.spin_kick(parameters, 1.0)
 
     @jax.jit
     def after(swing, listed, overlap, radius):
         constants = effective.per_pair(parameters, None, *listed.surfaces)
-        return stability.swing(swing, listed, constants, overlap, radius, *kicks, sliding=True)
+        return stability.estimate_mode(
+            swing, listed, constants, overlap, radius, *kicks, sliding=True
+        )
 
     for _ in range(3):
         swing = after(swing, *rates[0])
