@@ -15,7 +15,7 @@ from mrjax.core.promotion import relaxed_promotion
 
 AXES = ("x", "y", "z")
 SMALLEST, LARGEST = 1e-30, 1e30
-"""Of a quantity in SI: what is beyond cannot be computed with, and is none."""
+"""Bounds of a quantity in SI: numbers beyond cannot be computed with."""
 
 
 @jax.tree_util.register_static

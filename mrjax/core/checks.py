@@ -16,7 +16,7 @@ from mrjax.core.state import State
 from mrjax.core.tracing import value_or_none
 
 MOST = 2**31 - 1
-"""Of what is counted."""
+"""Largest number of anything that is counted."""
 
 INSTEAD = {
     "State": "a state of particles, from mrjax.place or mrjax.disperse",
@@ -25,7 +25,7 @@ INSTEAD = {
     "Recipe": 'mrjax.Recipe, such as mrjax.Recipe.load("case2")',
     "Run": "a run, from mrjax.simulate or mrjax.settle",
 }
-"""What to give where something of another kind was given, by the name of the kind."""
+"""Remedy where something of another kind was given, by the name of the kind."""
 
 
 def of_kind(kind: type, **arguments: Any) -> None:

@@ -24,7 +24,7 @@ class SimulationError(RuntimeError):
     state: Any = None
     """The last good `mrjax.State`, from which a run can go on with the remedy; None if unknown."""
     time: float | None = None
-    """Of that state, s from the start of the run."""
+    """Time of that state, s from the start of the run."""
     faults: int = 0
     """Every `Fault` of that run, added up."""
 

@@ -31,7 +31,7 @@ REMEDIES = {
     errno.EPIPE: "have its reader stay to the end",
     errno.EBADF: "open it, or send it to /dev/null",
 }
-"""What to do about an error of the operating system."""
+"""Remedies for errors of the operating system."""
 
 
 def refusal(name: object, error: BaseException, done: str = "cannot be written") -> SystemRefusal:

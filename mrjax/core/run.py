@@ -68,7 +68,7 @@ class Run:
     heights: Array
     """Height of the centre of every particle, (frames + 1, N) in m."""
     radius: Array
-    """Of the coated particles, (N,) in m."""
+    """Radius of the coated particles, (N,) in m."""
     mean_velocity: Array
     """Mean velocity of all particles, downwards, (frames + 1,) in m/s."""
     mean_speed: Array
@@ -91,7 +91,7 @@ class Run:
     trajectory: Trajectory | None = None
     """Every particle at every time, where `simulate` was asked for it."""
     rising: ArrayLike = False
-    """Whether the net weights of all particles together point upwards, (): the suspension creams,
+    """True, (), if the net weights of all particles together point upwards: the suspension creams,
     with its clear layer below and its bed under the lid."""
 
     @property

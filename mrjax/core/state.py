@@ -50,7 +50,7 @@ class State:
     spin: Array
     """Angular velocity, (N, 3) in rad/s."""
     contacts: ContactHistory | None = None
-    """What the contacts remember; None where nothing has touched yet, or without friction."""
+    """History of the contacts; None where nothing has touched yet, or without friction."""
     material: Array | None = None
     """Index into the tables of `Parameters`, (N,); None where all are of one material."""
     contact_diameter: float | None = field(default=None, metadata={"static": True})

@@ -16,11 +16,11 @@ LONGEST_LABEL = 32
 _ENDS = 0.3
 """Part of a long message that is kept of its beginning; the remedy is at its end."""
 _MARKS = re.compile(r"[\\`*\[\]<>&~$#]|(?<![^\W_])_|_(?![^\W_])")
-"""What Markdown reads as its own within a line; `_` between letters it does not."""
+"""Characters that Markdown reads as its own within a line, except `_` between letters."""
 _LINKS = re.compile(r"(https?|ftp)(?=://)|www(?=\.)", re.IGNORECASE)
 """Addresses that some readers of Markdown turn into links."""
 _LISTS = re.compile(r"^(\d{0,9})(?=[-+=](?![\d.])|(?<=\d)[.)](?:\s|$))")
-"""What begins a list or underlines a heading, at the beginning of a line."""
+"""Text at the beginning of a line that begins a list or underlines a heading."""
 
 
 def printable(text: str) -> str:

@@ -12,7 +12,7 @@ from jax.typing import ArrayLike
 Tree = TypeVar("Tree")
 
 TRACED = (errors.TracerArrayConversionError, errors.ConcretizationTypeError)
-"""What JAX raises where a number is wanted of a traced value."""
+"""Errors of JAX where a number is wanted of a traced value."""
 
 
 def value_or_none(value: ArrayLike) -> np.ndarray | None:

@@ -31,9 +31,9 @@ class Number:
     value: float
     bound: float
     at_most: bool
-    """Whether the model holds below the bound, or above it."""
+    """True if the model holds below the bound, False if above it."""
     beyond: str
-    """What the model leaves out on the other side."""
+    """Effect that the model leaves out on the other side."""
 
     @property
     def holds(self) -> str:

@@ -22,7 +22,7 @@ infinite. At 1e-7 R*, the overlap of a 4 um iron particle at rest, the force cha
 
 
 LEAST_DISTANCE = 1e-8
-"""Of two centres, in radii, where they are at one place: what is divided by."""
+"""Distance of two centres at one place, in radii: a divisor that is not zero."""
 
 
 def effective_modulus(
