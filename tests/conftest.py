@@ -5,6 +5,7 @@ import pytest
 
 import mrjax
 from mrjax.paper import runs
+from tests.builders.commands import COMPILED
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
@@ -18,6 +19,7 @@ def programs_are_kept(tmp_path_factory, worker_id):
     of_all = own if worker_id == "master" else own.parent
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_compilation_cache_dir", str(of_all / "programs"))
+    COMPILED.name = str(of_all / "programs-of-commands")
 
 
 @pytest.fixture(scope="session", params=["case1", "case2", "case3"])

@@ -3,11 +3,17 @@
 import os
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
-COMPILED = tempfile.TemporaryDirectory()
-"""Programs that these commands keep for each other, and nobody else."""
+
+class Folder:
+    """A folder whose name a test session chooses."""
+
+    name: str
+
+
+COMPILED = Folder()
+"""Programs that these commands keep for each other, in all processes of a session."""
 # JAX sets the level at which XLA speaks, here; a command sets its own where none is given.
 ENVIRONMENT = {name: text for name, text in os.environ.items() if name != "TF_CPP_MIN_LOG_LEVEL"}
 

@@ -208,7 +208,7 @@ def test_sensitivities_along_a_run_are_lines_that_differ_without_colour():
             figures.sensitivity_curves(times, wrong, "ratio")
 
 
-@pytest.mark.parametrize("dtype", ["float64", "float32"])
+@pytest.mark.parametrize("dtype", ["float64", pytest.param("float32", marks=pytest.mark.slow)])
 def test_normal_forces_add_up_to_the_forces_on_the_particles(bed, dtype):
     """Without friction there are no others. One contact closes, and is damped."""
     parameters = DRY.replace(restitution=0.5).astype(dtype)
@@ -258,6 +258,9 @@ def test_a_distribution_of_forces_is_one_of_probability(bed):
     width = found.max() / found.mean() / bins
     assert density.sum() * width == near(1.0)
     assert axes.get_yscale() == "log" and (ratio < found.max() / found.mean()).all()
+    smooth, exponential = axes.lines[1].get_data()
+    assert smooth[0] == 0.0 and smooth[-1] == near(found.max() / found.mean())
+    np.testing.assert_allclose(exponential, np.exp(-smooth), rtol=1e-12)
     alone = jax.tree.map(lambda rows: rows[3:], bed)
     for figure in (figures.force_distribution, figures.force_chains):
         with pytest.raises(InputError, match="nothing touches in this state"):

@@ -11,8 +11,10 @@ import pytest
 import mrjax
 from mrjax.cli import resume
 from mrjax.core.state import allocate_history
+from mrjax.dem.plan import System
 from mrjax.io import npz, results
 from mrjax.simulation import follow
+from mrjax.simulation.failure import refuse_deep_start
 from tests.builders.particles import glass
 
 ROOM = mrjax.Box((1e-2, 1e-2, 1e-2))
@@ -43,6 +45,24 @@ def goes_on(error: mrjax.SimulationError, folder, **remedy) -> mrjax.Run:
 def when(error: mrjax.SimulationError) -> float:
     """The time that the message names, s."""
     return float(re.match(r"at (\S+) s, ", str(error))[1])
+
+
+@pytest.mark.parametrize("larger", [0, 1])
+def test_a_start_is_too_deep_by_the_smaller_of_two_radii(larger):
+    """Nothing is compiled; up to a quarter of it the contact law describes the overlap."""
+    radius = np.full(2, RADIUS)
+    radius[larger] = 3.0 * RADIUS
+    unlike = SOFT.replace(radius=jnp.asarray(radius))
+
+    def start(overlap):
+        apart = 4.0 * RADIUS - overlap * RADIUS
+        return mrjax.place([[5e-3, 5e-3, 3e-3], [5e-3, 5e-3, 3e-3 + apart]])
+
+    refuse_deep_start(System(start(0.24), unlike, None, ROOM))
+    with pytest.raises(mrjax.SimulationError) as error:
+        mrjax.follow(start(0.26), unlike, ROOM, duration=1e-4)
+    assert str(error.value).startswith("at 0 s, particles 0 and 1, 0.26 radii deep: ")
+    assert error.value.time == 0.0 and error.value.faults == mrjax.Fault.TOO_DEEP
 
 
 def test_two_particles_too_deep(tmp_path):

@@ -155,7 +155,7 @@ def test_no_drag_and_no_gravity_are_finite_and_differentiable(one, case2):
     slopes = jax.grad(fallen, argnums=(0, 1))(0.0, 0.0)
     assert float(slopes[0]) == near(drop, rel=1e-9)
     assert float(slopes[1]) == 0.0
-    assert float(jax.grad(fallen, argnums=1)(9.81, 0.0)) < 0
+    assert float(jax.grad(fallen, argnums=(0, 1))(9.81, 0.0)[1]) < 0
 
 
 def test_equal_spheres_exchange_their_velocities():
@@ -209,7 +209,8 @@ def test_the_rebuild_interval_does_not_change_the_trajectory():
         )
         return np.asarray(run.state.position)
 
-    np.testing.assert_allclose(final(1), final(50), rtol=1e-12)
+    # 125 as in the other collisions, which are compiled for it.
+    np.testing.assert_allclose(final(1), final(125), rtol=1e-12)
 
 
 def test_frames_record_the_run(case2):
