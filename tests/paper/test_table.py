@@ -216,6 +216,12 @@ def test_bars_have_the_heights_of_their_numbers():
     groups = [bars for bars in axes.containers if isinstance(bars, BarContainer)]
     heights = {bars.get_label(): tuple(bar.get_height() for bar in bars) for bars in groups}
     assert heights == values
+    # In the order of their sources, side by side about the middle of each group.
+    middles = [[bar.get_x() + 0.5 * bar.get_width() for bar in bars] for bars in groups]
+    np.testing.assert_allclose(middles[1], [0.0, 1.0], atol=1e-12)
+    width = groups[0][0].get_width()
+    np.testing.assert_allclose(np.subtract(middles[1], middles[0]), width, rtol=1e-9)
+    np.testing.assert_allclose(np.subtract(middles[2], middles[1]), width, rtol=1e-9)
     assert {text.get_text() for text in axes.texts} == {
         f"{v:.1f}" for g in values.values() for v in g
     }
