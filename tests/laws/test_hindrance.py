@@ -58,6 +58,21 @@ def test_the_local_volume_fraction_is_the_double_sum(periodic, height, spacing):
     np.testing.assert_allclose(found, double_sum(radius, box, at, spacing), rtol=EXACT)
 
 
+def test_what_rises_is_the_mirror_image_of_what_sinks():
+    """A bed under the lid is as dense there as below it, and under it is clear fluid."""
+    box = mrjax.Box((8e-6, 8e-6, 24e-6), FLOOR)
+    height = jnp.asarray(np.random.default_rng(3).uniform(1e-6, 9e-6, 40))
+    rows = jnp.zeros_like(height)
+    sinking = iron().astype(float)
+    rising = iron(particle_density=500.0).astype(float)
+    fraction = hindrance.local_volume_fraction
+    below = fraction(sinking, box, jnp.stack([rows, rows, height]), 2e-6)
+    above = fraction(rising, box, jnp.stack([rows, rows, 24e-6 - height]), 2e-6)
+    np.testing.assert_allclose(above, below, rtol=1e-9)
+    near_floor = height < 2e-6
+    assert near_floor.any() and below[near_floor].min() > 0.6 * below.mean()
+
+
 def test_a_uniform_suspension_has_its_mean_fraction_below_its_top():
     """Layers at a fifth of the levels' distance: a spline on levels adds up to one over them."""
     box = mrjax.Box((10.0, 10.0, 40.0))
