@@ -68,7 +68,7 @@ OLD_NAMES = {
     "reading": "io.reading",
     "recipes": "recipe.bundled",
     "refusals": "core.refusals",
-    "reproduce": "paper.table",
+    "reproduce": "paper",
     "results": "io.results",
     "resume": "cli.resume",
     "rolling": "laws.rolling",
