@@ -39,13 +39,13 @@ class Options:
     starts: int = 1
     """Searches from as many points; the best is kept."""
     seed: int = 0
-    """Of further starts, of suspensions that are simulated, and of the posterior."""
+    """Seed of further starts, of simulated suspensions and of the posterior."""
     robust: float | None = None
     """Standard deviations beyond which residuals count linearly."""
     posterior: bool = False
-    """Whether to sample the posterior."""
+    """True to sample the posterior."""
     leave_one_out: bool = False
-    """Whether to predict each sample from the others."""
+    """True to predict each sample from the others."""
     predict: Recipe | None = None
     """A recipe that was not measured, to be predicted."""
     like: str | None = None
@@ -82,7 +82,7 @@ class Calibration:
     """The residuals that were fitted."""
     fit: Fit
     identification: Identification
-    """What the data determine."""
+    """Values and combinations that the data determine."""
     predicted: np.ndarray
     """At the end of the fit, each in the unit of its measurement, (M,)."""
     profiles: tuple[Profile, ...] = ()
@@ -93,7 +93,7 @@ class Calibration:
     new: tuple[Forecast, ...] | None = None
     """The recipe that was not measured."""
     faults: tuple[Exception, ...] = ()
-    """What went wrong after the fit, first things first."""
+    """Faults that were met after the fit, in the order of the work."""
 
     def tables(self) -> dict[str, Any]:
         """All of it as plain tables: `fit.json`, but for what a command adds."""

@@ -26,13 +26,13 @@ class Experiment:
     name: str
     """As its file has it."""
     samples: tuple[Sample, ...]
-    """What was measured."""
+    """Samples that were measured."""
     parameters: tuple[FreeParameter, ...]
-    """What is fitted, in the order of the values of a fit."""
+    """Free parameters, in the order of the values of a fit."""
     held: tuple[tuple[str, str, float], ...] = ()
     """Sample, name and value of what the experiment holds at another value than the recipe."""
     warnings: tuple[str, ...] = ()
-    """What is odd about the readings, and may be right all the same."""
+    """Warnings of odd readings, which may be right all the same."""
 
     @classmethod
     def load(cls, source: str | Path) -> "Experiment":

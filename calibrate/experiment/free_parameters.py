@@ -89,7 +89,7 @@ class FreeParameter:
     samples: tuple[str, ...]
     median: float
     log_standard_deviation: float | None
-    """Of x about its value at the median; None where nothing is believed."""
+    """Width of the prior of x, in logarithms, about its value at the median; None without one."""
     bounds: tuple[float, float] | None = None
 
     @property
@@ -107,7 +107,7 @@ class FreeParameter:
 
     @property
     def prior(self) -> LogNormal | None:
-        """Of x."""
+        """The prior of x; None without one."""
         if self.log_standard_deviation is None:
             return None
         return LogNormal(self.start, self.log_standard_deviation)

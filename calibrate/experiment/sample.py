@@ -10,12 +10,12 @@ class Measurement(NamedTuple):
     """One number with its uncertainty, both in `unit`, which is `si` in SI."""
 
     observable: str
-    """What was measured: `initial_velocity`, `final_ratio`, `viscosity_ratio`, or of a curve
+    """Observable: `initial_velocity`, `final_ratio`, `viscosity_ratio`, or of a curve
     `mudline` or `sedimentation_ratio`."""
     value: float
     """In `unit`."""
     standard_deviation: float
-    """Of the value, in `unit`."""
+    """Standard deviation of the value, in `unit`."""
     unit: str
     """Its name, such as `mm/day`."""
     si: float
@@ -31,12 +31,15 @@ class Sample:
     name: str
     """As the experiment has it."""
     recipe: Recipe
-    """What the sample is made of."""
+    """Recipe of the sample."""
     height: float
-    """Of the suspension when dispersed, m."""
+    """Height of the suspension when dispersed, m."""
     bed_fraction: float | Literal["particles"] | None
-    """Of the coated particles in the bed at rest; "particles": as a simulated bed packs them."""
+    """Volume fraction of the coated particles in the bed at rest.
+
+    "particles": as a simulated bed packs them.
+    """
     measurements: tuple[Measurement, ...]
     """All that was measured on it."""
     times: tuple[float, ...] = ()
-    """Of the points of its curve, (T,) in s."""
+    """Times of the points of its curve, (T,) in s."""

@@ -30,9 +30,9 @@ class Suspension:
     parameters: Parameters
     """With f_w at the suspension's own volume fraction, where a closure gives it."""
     volume_fraction: Array
-    """Of the coated particles when dispersed, ()."""
+    """Volume fraction of the coated particles when dispersed, ()."""
     bed_fraction: ArrayLike | None
-    """Of the coated particles in the bed at rest, (); None where nobody has said."""
+    """Volume fraction of the coated particles in the bed at rest, (); None if not given."""
     hindrance: Hindrance | None
     """f_w for other volume fractions, where the recipe asks for local drag."""
 

@@ -40,10 +40,11 @@ class Forecast:
     """Its value and standard deviation are not numbers where nothing was measured."""
     predicted: float
     standard_error: float
-    """Of the prediction, from fit and priors; infinite where neither bounds it. Both in the unit
-    of the measurement."""
+    """Standard error of the prediction, from fit and priors; infinite where neither bounds it.
+
+    Both in the unit of the measurement."""
     time: float | None = None
-    """Of a point of a curve, s."""
+    """Time of a point of a curve, s."""
 
     @property
     def off(self) -> float:

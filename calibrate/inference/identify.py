@@ -28,7 +28,7 @@ class Combination:
     expression: str
     """In words, such as `f_w * f_s`."""
     exponents: dict[str, float]
-    """Of the values that occur in it, by name."""
+    """Exponents of the values that occur in it, by name."""
     value: float
     """At the end of the fit."""
     standard_error: float
@@ -40,20 +40,20 @@ class Identification:
     """Identifiability of the values of a fit."""
 
     singular_values: np.ndarray
-    """Of the Jacobian, (min(M, P),)."""
+    """Singular values of the Jacobian, (min(M, P),)."""
     combinations: tuple[Combination, ...]
     """As many independent products of powers as the data determine."""
     null_directions: tuple[str, ...]
     """Products of powers of which the data say nothing."""
     determined: dict[str, bool]
-    """Whether the data determine this value by itself."""
+    """True where the data determine this value by itself."""
     standard_errors: dict[str, float]
-    """Of each value, data and prior together; infinite where neither says anything."""
+    """Standard error of each value, data and prior together; infinite where both are silent."""
     data_standard_errors: dict[str, float]
-    """Of each value's logarithm, by the data alone; infinite where they say nothing."""
+    """Standard error of each logarithm by the data alone; infinite where they say nothing."""
     status: dict[str, str]
-    """Of each value. With a prior, by the error that the data alone leave: `determined` up to a
-    third of the prior's, `informed` up to twice, else `prior only`; without: `determined` up to
+    """Status of each value. With a prior, by the error that the data alone leave: `determined` up
+    to a third of the prior's, `informed` up to twice, else `prior only`; without: `determined` up to
     0.5 in the logarithm, else `free`."""
     weak_combinations: tuple[str, ...] = ()
     """Products of powers of which the data say something, and too little to determine them."""

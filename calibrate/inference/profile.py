@@ -30,9 +30,9 @@ class Profile:
 
     name: str
     values: np.ndarray
-    """Where it was held, (K,)."""
+    """Values at which it was held, (K,)."""
     increase: np.ndarray
-    """Of chi-squared, priors included, over that of the fit; (K,)."""
+    """Increase of chi-squared, priors included, over that of the fit; (K,)."""
     intervals: dict[str, tuple[float, float]]
     """By coverage; an end that lies beyond the profile is 0 or infinite."""
 

@@ -55,7 +55,7 @@ class Fit:
     values: np.ndarray
     """The fitted values, (P,)."""
     residuals: np.ndarray
-    """Of the M measurements, in standard deviations, (M,)."""
+    """Residuals of the M measurements, in standard deviations, (M,)."""
     jacobian: np.ndarray
     """Derivative of those with respect to the logarithms of the values, (M, P)."""
     prior_precision: np.ndarray
@@ -63,9 +63,9 @@ class Fit:
     loss: np.ndarray
     """Half the sum of squares, priors included, before each search step and at the end."""
     converged: bool
-    """Whether a further Gauss-Newton step would gain next to nothing, or on a kink a simplex."""
+    """True if another Gauss-Newton step (at a kink, a simplex restart) gains nothing measurable."""
     on_a_kink: bool
-    """Whether slopes jump at the optimum, so that the Jacobian here is that of one side."""
+    """True if slopes jump at the optimum: the Jacobian here is then that of one side."""
     model_runs: int
     """Evaluations of the residuals, each with their Jacobian or alone."""
     everything: Callable[[ArrayLike, Any], Array]
@@ -78,7 +78,7 @@ class Fit:
     robust: float | None = None
     """Standard deviations beyond which residuals count linearly; those here are as they count."""
     other_optima: tuple[tuple[float, np.ndarray], ...] = ()
-    """Where further starts ended otherwise: half the sum of squares and the values, (P,)."""
+    """Other optima at which further starts ended: half the sum of squares and the values, (P,)."""
     box: Bounds = Bounds(np.array(-np.inf), np.array(np.inf))
     """Bounds of the logarithms, (P,)."""
 

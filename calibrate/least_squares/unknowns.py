@@ -23,13 +23,13 @@ class Unknowns(NamedTuple):
     values: np.ndarray
     """At the start, (P,)."""
     structure: Any
-    """Of the pytree."""
+    """Structure of the pytree."""
     shapes: tuple[tuple[int, ...], ...]
-    """Of its leaves."""
+    """Shapes of its leaves."""
     box: Bounds
     """Bounds of the logarithms."""
     median: np.ndarray
-    """Of the priors, (P,); 1 without one."""
+    """Medians of the priors, (P,); 1 without one."""
     precision: np.ndarray
     """1 / log_standard_deviation^2 of the priors, (P,); 0 without one."""
 

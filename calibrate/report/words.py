@@ -10,7 +10,7 @@ from mrjax.core.text import in_code, in_markdown, in_terminal
 
 
 class Language(NamedTuple):
-    """How names of samples and of values are escaped."""
+    """Escapes of names of samples and of values."""
 
     text: Callable[[str], str]
     code: Callable[[str], str]

@@ -29,13 +29,13 @@ class Pairs:
     second: Array
     """Id of a particle or wall, (P,); any where not present."""
     present: Array
-    """Whether the place holds a pair, (P,)."""
+    """True where the place holds a pair, (P,)."""
     wall: Array | None
-    """Whether the second is a wall, (P,); None in a box without."""
+    """True where the second is a wall, (P,); None in a box without walls."""
     separation: Vector
     """From the second to the first when the list was built, (P,) each."""
     places: Array
-    """Where each particle finds its pairs, (S, N): p as the first of pair p, P + p as the second,
+    """Places of the pairs of each particle, (S, N): p as the first of pair p, P + p as the second,
     2 P in an empty slot."""
     overflow: Array
     """0 when every pair is listed, ()."""

@@ -32,11 +32,11 @@ class Sedimentation:
     run: Run
     """All of them, each of its arrays with a leading axis (M, ...)."""
     parameters: Parameters
-    """Those of the runs, softened."""
+    """Parameters of the runs, softened."""
     softening: float
     """Factor on the elastic moduli of particles and walls."""
     seeds: tuple[int, ...]
-    """Of the random starts, (M,)."""
+    """Seeds of the random starts, (M,)."""
 
     def ratio(self, height: str = "top") -> Array:
         """Sedimentation ratio by one of `HEIGHTS`; 1, (M, frames + 1)."""
