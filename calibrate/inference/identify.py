@@ -52,9 +52,12 @@ class Identification:
     data_standard_errors: dict[str, float]
     """Standard error of each logarithm by the data alone; infinite where they say nothing."""
     status: dict[str, str]
-    """Status of each value. With a prior, by the error that the data alone leave: `determined` up
-    to a third of the prior's, `informed` up to twice, else `prior only`; without: `determined` up to
-    0.5 in the logarithm, else `free`."""
+    """Status of each value.
+
+    With a prior, by the error that the data alone leave: `determined` up to a third of the prior's,
+    `informed` up to twice, else `prior only`; without: `determined` up to 0.5 in the logarithm,
+    else `free`.
+    """
     weak_combinations: tuple[str, ...] = ()
     """Products of powers of which the data say something, and too little to determine them."""
 
