@@ -1,11 +1,36 @@
 """Strict JAX for every test: double precision, no silent promotion of dtypes or ranks."""
 
+import os
+
 import jax
 import pytest
+from jaxlib import _jax
 
 import mrjax
 from mrjax.paper import runs
 from tests.builders.commands import COMPILED
+
+QUICKLY_COMPILED = "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
+"""XLA without its optimisations: two thirds of an ordinary run are compilation otherwise."""
+
+
+def pytest_addoption(parser):
+    parser.addoption(
+        "--optimised",
+        action="store_true",
+        help="compile what tests run in their own process as users' programs are, which takes "
+        "two and a half times as long; commands are compiled so in any case",
+    )
+
+
+def pytest_configure(config):
+    """XLA reads its flags once; processes that tests start are to have those of users."""
+    if config.getoption("--optimised") or "XLA_FLAGS" in os.environ:
+        return
+    os.environ["XLA_FLAGS"] = QUICKLY_COMPILED
+    _jax.CompileOptions()
+    del os.environ["XLA_FLAGS"]
+
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from jax import lax
 
 from mrjax.laws import normal, tangential
+from tests.builders.tangents import ACROSS, ALONG, STILL, length, vectors
 
 EXACT = 1e-13  # a handful of roundings in double precision
 near = partial(pytest.approx, rel=EXACT, abs=0.0)  # its own abs passes all within 1e-12
@@ -73,15 +74,6 @@ def grip(stretch, slip, overlap=OVERLAP, normal_force=10.0, **changes):
     return jnp.stack(force), jnp.stack(kept)
 
 
-def length(vector):
-    return float(np.linalg.norm(vector))
-
-
-STILL = np.zeros(3)
-ALONG = np.array([0.6, 0.0, -0.8])
-ACROSS = np.array([0.0, 1.0, 0.0])
-
-
 def test_a_sticking_contact_is_a_spring_with_a_dashpot():
     stretch, slip = 0.1 * ALONG, 0.1 * ACROSS
     force, kept = grip(stretch, slip)
@@ -110,10 +102,6 @@ def test_a_dashpot_alone_may_slide():
     both = 2.4 * ALONG + 14.0 * ACROSS
     np.testing.assert_allclose(force, -5.0 * both / length(both), rtol=ROUNDED)
     np.testing.assert_array_equal(kept, 0.1 * ALONG)
-
-
-component = st.floats(-1.0, 1.0)
-vectors = st.tuples(component, component, component).map(np.array)
 
 
 @settings(deadline=None)  # the first call compiles

@@ -58,7 +58,28 @@ def _machines(results: dict[str, dict]) -> str:
 
 def _throughput(rows: list[dict]) -> str:
     rows = sorted(rows, key=lambda row: (row["phase"], row["particles"], row["cores"]))
-    codes = ("liggghts", *throughput.DTYPES)
+    return f"""## Particle-steps
+
+Million particle-steps in a second. Without a fluid, in both codes: E = 1e7 Pa, nu = 0.31, 7470
+kg/m^3, 4 um, mu = {states.FRICTION}, e = 0.5, steps of 5e-8 s, lists that reach 0.4 um beyond
+contact, rigid walls on all sides. 314 particles in 25 x 25 x 50 um; larger beds are that state
+beside its mirror images. Dispersed as `mrjax.disperse` leaves them, or at rest between walls that
+had no friction, so that images hold each other; springs of friction are forgotten.
+LIGGGHTS on two cores is `mpirun -np 2`; mrjax is one run with both to be seen. Both are timed from
+step to step, rebuilds of the list included: LIGGGHTS' loop time, and the time by which a longer run
+of mrjax exceeds a shorter one. What precedes the first step of a run, a list above all, is apart.
+
+{_rates(rows)}
+What they leave behind: rebuilds of the list in the steps that were timed (of mrjax, how often it
+looked whether one was needed), the mean height, um, and contacts with other particles. LIGGGHTS'
+contacts pull at their end where those of mrjax only push, so that beds that still move
+differ a little.
+
+{_left_behind(rows)}"""
+
+
+def _rates(rows: list[dict]) -> str:
+    """Particle-steps in a second, and their ratios."""
 
     def rate(row: dict, code: str) -> str:
         return _span(row[code]["rate"], 1e-6) if code in row else ""
@@ -66,11 +87,7 @@ def _throughput(rows: list[dict]) -> str:
     def ratio(row: dict, code: str) -> str:
         return _span(row[code]["over_liggghts"]) if "liggghts" in row else ""
 
-    def of_each(row: dict, what: str, scale: float, digits: int) -> list[str]:
-        there = (row.get(code, {}) for code in codes)
-        return [f"{scale * one[what]:.{digits}f}" if what in one else "" for one in there]
-
-    rates = markdown_table(
+    return markdown_table(
         ["N", "phase", "cores", "LIGGGHTS", "float64", "over LIGGGHTS", "float32", "over LIGGGHTS"],
         [
             [
@@ -87,7 +104,17 @@ def _throughput(rows: list[dict]) -> str:
             for row in rows
         ],
     )
-    looks = markdown_table(
+
+
+def _left_behind(rows: list[dict]) -> str:
+    """What the beds are after the timed steps, and how often the list was looked at."""
+    codes = ("liggghts", *throughput.DTYPES)
+
+    def of_each(row: dict, what: str, scale: float, digits: int) -> list[str]:
+        there = (row.get(code, {}) for code in codes)
+        return [f"{scale * one[what]:.{digits}f}" if what in one else "" for one in there]
+
+    return markdown_table(
         [
             "N",
             "phase",
@@ -110,24 +137,6 @@ def _throughput(rows: list[dict]) -> str:
             for row in rows
         ],
     )
-    return f"""## Particle-steps
-
-Million particle-steps in a second. Without a fluid, in both codes: E = 1e7 Pa, nu = 0.31, 7470
-kg/m^3, 4 um, mu = {states.FRICTION}, e = 0.5, steps of 5e-8 s, lists that reach 0.4 um beyond
-contact, rigid walls on all sides. 314 particles in 25 x 25 x 50 um; larger beds are that state
-beside its mirror images. Dispersed as `mrjax.disperse` leaves them, or at rest between walls that
-had no friction, so that images hold each other; springs of friction are forgotten.
-LIGGGHTS on two cores is `mpirun -np 2`; mrjax is one run with both to be seen. Both are timed from
-step to step, rebuilds of the list included: LIGGGHTS' loop time, and the time by which a longer run
-of mrjax exceeds a shorter one. What precedes the first step of a run, a list above all, is apart.
-
-{rates}
-What they leave behind: rebuilds of the list in the steps that were timed (of mrjax, how often it
-looked whether one was needed), the mean height, um, and contacts with other particles. LIGGGHTS'
-contacts pull at their end where those of mrjax only push, so that beds that still move
-differ a little.
-
-{looks}"""
 
 
 _CODES = ("LIGGGHTS", "float64", "float32")
