@@ -1,6 +1,7 @@
 """Strict JAX for every test: double precision, no silent promotion of dtypes or ranks."""
 
 import os
+import signal
 
 import jax
 import pytest
@@ -25,6 +26,8 @@ def pytest_addoption(parser):
 
 def pytest_configure(config):
     """XLA reads its flags once; processes that tests start are to have those of users."""
+    # What a shell starts in the background ignores Ctrl-C, and so does what that starts.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     if config.getoption("--optimised") or "XLA_FLAGS" in os.environ:
         return
     os.environ["XLA_FLAGS"] = QUICKLY_COMPILED

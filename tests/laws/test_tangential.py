@@ -290,7 +290,7 @@ def points(units, dtype):
     """Apart, touching, overlapping; without stretch, slip, friction or damping; stick and slide."""
     size, speed, *pair, time = units
     # Rounding of positions leaves no smaller overlap than eps.
-    resolved = (d for d in (1e-15, 1e-14, 1e-10, 1.2e-7, 1e-3, 0.1) if d > jnp.finfo(dtype).eps)
+    resolved = (d for d in (1e-15, 1e-14, 1e-10, 1.2e-7, 1e-3, 0.11) if d > jnp.finfo(dtype).eps)
     overlaps = (-1.0, -1e-7, 0.0, *resolved)
     kinds = product(
         (0.0, 1e-12, 1e-4, 1.0), (0.0, 1e-9, 1.0), overlaps, (-1, 0, 1), (0.0, 0.4), (0, 1)

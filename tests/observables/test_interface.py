@@ -273,9 +273,10 @@ def two_layers(bed, suspension):
 
 def test_the_front_between_bed_and_suspension():
     """From a dispersed suspension to a bed that has met the mudline."""
-    frames = [two_layers(bed, 24 - 2 * bed) for bed in (0, 1, 2, 4, 7, 11, 12)]
-    run = recorded(frames, box=TALL)
-    expected = D * np.array([0, 1, 2, 4, 7, 11, 12])
+    # With 9 to 11 layers of bed the suspension has half of what is below 0.6 of the height: a tie.
+    beds = (0, 1, 2, 4, 7, 8, 12)
+    run = recorded([two_layers(bed, 24 - 2 * bed) for bed in beds], box=TALL)
+    expected = D * np.array(beds)
     for initial in (None, SUSPENSION):
         front = bed_front(run, BED, initial)
         np.testing.assert_allclose(front, expected, atol=1e-6 * D)
