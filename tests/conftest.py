@@ -9,28 +9,25 @@ from jaxlib import _jax
 
 import mrjax
 from mrjax.paper import runs
-from tests.builders.commands import COMPILED
-
-QUICKLY_COMPILED = "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
-"""XLA without its optimisations: two thirds of an ordinary run are compilation otherwise."""
+from tests.builders.commands import COMPILED, QUICKLY
 
 
 def pytest_addoption(parser):
     parser.addoption(
         "--optimised",
         action="store_true",
-        help="compile what tests run in their own process as users' programs are, which takes "
-        "two and a half times as long; commands are compiled so in any case",
+        help="compile what tests run as the programs of users are: two and a half times as long",
     )
 
 
 def pytest_configure(config):
-    """XLA reads its flags once; processes that tests start are to have those of users."""
+    """XLA reads its flags once; processes that tests start have those that `start` gives."""
     # What a shell starts in the background ignores Ctrl-C, and so does what that starts.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     if config.getoption("--optimised") or "XLA_FLAGS" in os.environ:
         return
-    os.environ["XLA_FLAGS"] = QUICKLY_COMPILED
+    COMPILED.flags = QUICKLY
+    os.environ["XLA_FLAGS"] = QUICKLY
     _jax.CompileOptions()
     del os.environ["XLA_FLAGS"]
 
@@ -47,7 +44,7 @@ def programs_are_kept(tmp_path_factory, worker_id):
     of_all = own if worker_id == "master" else own.parent
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_compilation_cache_dir", str(of_all / "programs"))
-    COMPILED.name = str(of_all / "programs-of-commands")
+    COMPILED.folder = str(of_all / "programs-of-commands")
 
 
 @pytest.fixture(scope="session", params=["case1", "case2", "case3"])

@@ -83,7 +83,7 @@ def at_rest(tmp_path_factory):
     """`mrjax simulate` of an ensemble of two, to rest: what it says, and the folder it made."""
     folder = tmp_path_factory.mktemp("rest")
     (folder / "small.toml").write_text(SMALL)
-    arguments = ("small.toml", "--ensemble", "2", "--seed", "3", "--frames", "50", "--quiet")
+    arguments = ("small.toml", "--ensemble", "2", "--seed", "3", "--frames", "25", "--quiet")
     arguments += ("--pdf", "--trajectory", "gsd", "--trajectory", "vtk", "--animate", "gif")
     status, out, err = run("simulate", *arguments, folder=folder)
     assert (status, out, err) == (0, "", "")

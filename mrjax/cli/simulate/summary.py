@@ -5,7 +5,7 @@ from typing import Any
 import jax
 
 import mrjax
-from mrjax import Run, Sedimentation
+from mrjax import Run, Sedimentation, State
 from mrjax.cli import provenance
 from mrjax.cli.simulate.run import Plan, Result
 from mrjax.laws import dimensionless
@@ -86,10 +86,15 @@ def _curve_of_ensemble(whole: Sedimentation) -> dict[str, Any]:
 def _at_rest(whole: Sedimentation) -> dict[str, Any]:
     """The numbers that a run to rest adds to the summary."""
     final = {name: whole.ratio(name)[:, -1] for name in mrjax.HEIGHTS}
-    lines = jax.vmap(mrjax.asymptotes)(whole.run)
-    contacts = jax.vmap(
-        lambda state: mrjax.coordination_number(state, whole.parameters, whole.run.box)
-    )(whole.run.state)
+    # One program each: some 400 would be compiled otherwise.
+    lines = jax.jit(jax.vmap(mrjax.asymptotes))(whole.run)
+
+    @jax.jit
+    @jax.vmap
+    def touching(state: State) -> jax.Array:
+        return mrjax.coordination_number(state, whole.parameters, whole.run.box)
+
+    contacts = touching(whole.run.state)
     return {
         "final_ratio": final["top"].mean(),
         "final_ratio_standard_error": mrjax.standard_error(final["top"]),
