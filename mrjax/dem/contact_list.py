@@ -1,7 +1,10 @@
 """Contacts at one moment: how many, and what they exert."""
 
+from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -13,8 +16,10 @@ from mrjax.core.state import State
 from mrjax.core.tracing import drop_tracers, evaluated_or_none, value_or_none
 from mrjax.core.units import Units
 from mrjax.dem import contact_history, neighbours, schedule
+from mrjax.dem.contact_history import ParticleHistory
 from mrjax.dem.forces import ContactForces, active_laws, contact_law
 from mrjax.dem.pairs import WALL_COUNT, Pairs, list_pairs
+from mrjax.dem.plan import EngineSettings
 from mrjax.dem.reduced_units import reduced_parameters, reduced_state
 from mrjax.laws import effective, normal, particle
 
@@ -127,28 +132,48 @@ def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, Cont
     length = diameter / 2
     units = Units(mass=1000.0 * length**3, length=length, time=length)
     reduced = reduced_parameters(parameters, units, state)
-    laws = active_laws(parameters)
-    position = state.position / units.length
-    scaled = box.scaled(1 / units.length)
-    plan = schedule.plan_neighbour_list(state, radius, box, diameter, skin=0.0)
-    radii = jnp.broadcast_to(particle.outer_radius(reduced), (state.particles,))
-    skin = plan.cutoff - 2.0 * jnp.max(radii)
+    settings = EngineSettings(
+        box=box.scaled(1 / units.length),
+        neighbour_list=schedule.plan_neighbour_list(state, radius, box, diameter, skin=0.0),
+        steps=1,
+        laws=active_laws(parameters),
+        trajectory=False,
+    )
     while True:
-        around = neighbours.build(plan, scaled, position)
-        pairs = list_pairs(around, scaled, position.T, radii, skin, plan.pairs)
+        slots = settings.neighbour_list.capacity + 2 * len(box.walled_axes)
+        moment = reduced_state(state, units, slots, settings.laws)
+        pairs, forces = _exerted(*moment, reduced, state.material, settings=settings)
         overflow = value_or_none(pairs.overflow)
         if overflow is None or not overflow:
-            break
-        plan = plan.grown(int(overflow), state.particles)
-    slots = plan.capacity + 2 * len(box.walled_axes)
-    _, velocity, spin, history = reduced_state(state, units, slots, laws)
-    law = contact_law(reduced, laws=laws, material=state.material, time_step=0.0)
+            return pairs, forces, units
+        grown = settings.neighbour_list.grown(int(overflow), state.particles)
+        settings = replace(settings, neighbour_list=grown)
+
+
+@partial(jax.jit, static_argnames="settings")
+def _exerted(
+    position: Array,
+    velocity: Array,
+    spin: Array,
+    history: ParticleHistory,
+    parameters: Parameters,
+    material: Array | None,
+    *,
+    settings: EngineSettings,
+) -> tuple[Pairs, ContactForces]:
+    """The pairs of a moment, and what they exert; in reduced units, as one program."""
+    plan, box = settings.neighbour_list, settings.box
+    radii = jnp.broadcast_to(particle.outer_radius(parameters), position.shape[1:])
+    skin = plan.cutoff - 2.0 * jnp.max(radii)
+    around = neighbours.build(plan, box, position.T)
+    pairs = list_pairs(around, box, position, radii, skin, plan.pairs)
+    law = contact_law(parameters, laws=settings.laws, material=material, time_step=0.0)
     forces = law(pairs)(
-        jnp.zeros_like(position.T),
+        jnp.zeros_like(position),
         velocity,
         spin,
         contact_history.pairs_from_particles(history, pairs),
         jnp.zeros_like(position, shape=plan.pairs),
         jnp.ones_like(position, shape=2),
     )
-    return pairs, forces, units
+    return pairs, forces
