@@ -5,11 +5,13 @@ import signal
 
 import jax
 import pytest
-from jaxlib import _jax
 
 import mrjax
 from mrjax.paper import runs
-from tests.builders.commands import COMPILED, QUICKLY
+from tests.builders.commands import COMPILED
+
+QUICKLY = "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
+"""XLA without its optimisations: two thirds of an ordinary run are compilation otherwise."""
 
 
 def pytest_addoption(parser):
@@ -21,15 +23,11 @@ def pytest_addoption(parser):
 
 
 def pytest_configure(config):
-    """XLA reads its flags once; processes that tests start have those that `start` gives."""
-    # What a shell starts in the background ignores Ctrl-C, and so does what that starts.
+    """Before anything is compiled; what tests start inherits both."""
+    if not config.getoption("--optimised"):
+        os.environ.setdefault("XLA_FLAGS", QUICKLY)
+    # What a shell starts in the background ignores Ctrl-C.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    if config.getoption("--optimised") or "XLA_FLAGS" in os.environ:
-        return
-    COMPILED.flags = QUICKLY
-    os.environ["XLA_FLAGS"] = QUICKLY
-    _jax.CompileOptions()
-    del os.environ["XLA_FLAGS"]
 
 
 jax.config.update("jax_enable_x64", True)
@@ -44,7 +42,7 @@ def programs_are_kept(tmp_path_factory, worker_id):
     of_all = own if worker_id == "master" else own.parent
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_compilation_cache_dir", str(of_all / "programs"))
-    COMPILED.folder = str(of_all / "programs-of-commands")
+    COMPILED.name = str(of_all / "programs-of-commands")
 
 
 @pytest.fixture(scope="session", params=["case1", "case2", "case3"])

@@ -3,22 +3,17 @@
 import os
 import subprocess
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 
-QUICKLY = "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
-"""XLA without its optimisations: two thirds of an ordinary run are compilation otherwise."""
+
+class Folder:
+    """A folder whose name a test session chooses."""
+
+    name: str
 
 
-@dataclass
-class Compiled:
-    """How the commands of a test session compile, and where they keep programs for each other."""
-
-    folder: str = ""
-    flags: str = ""
-
-
-COMPILED = Compiled()
+COMPILED = Folder()
+"""Programs that these commands keep for each other, in all processes of a session."""
 # JAX sets the level at which XLA speaks, here; a command sets its own where none is given.
 ENVIRONMENT = {name: text for name, text in os.environ.items() if name != "TF_CPP_MIN_LOG_LEVEL"}
 
@@ -33,8 +28,7 @@ def start(*arguments, module="mrjax", folder: Path, environment=None) -> subproc
         env={
             **ENVIRONMENT,
             "JAX_PLATFORMS": "cpu",
-            "JAX_COMPILATION_CACHE_DIR": COMPILED.folder,
-            "XLA_FLAGS": COMPILED.flags,
+            "JAX_COMPILATION_CACHE_DIR": COMPILED.name,
         }
         | (environment or {}),
     )

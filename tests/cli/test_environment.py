@@ -32,7 +32,7 @@ def start(*arguments, folder: Path, **environment) -> tuple[int, str, str]:
         env={
             **ENVIRONMENT,
             "JAX_PLATFORMS": "cpu",
-            "JAX_COMPILATION_CACHE_DIR": COMPILED.folder,
+            "JAX_COMPILATION_CACHE_DIR": COMPILED.name,
             **environment,
         },
         timeout=300,

@@ -42,7 +42,7 @@ def command(
         stderr=err,
         text=True,
         cwd=folder,
-        env={**ENVIRONMENT, "JAX_PLATFORMS": "cpu", "JAX_COMPILATION_CACHE_DIR": COMPILED.folder},
+        env={**ENVIRONMENT, "JAX_PLATFORMS": "cpu", "JAX_COMPILATION_CACHE_DIR": COMPILED.name},
         timeout=300,
     )
     return done.returncode, done.stdout or "", done.stderr or ""
