@@ -1,7 +1,7 @@
 """The formulas of the model, one law a module, each named by its equation.
 
 Functions of `Parameters` or of plain arrays, elementwise, in any coherent system of units: the
-coated particle, drag, contacts, time scales, closed forms, dimensionless numbers.
+coated particle, drag, contacts, time scales, closed forms, dimensionless numbers, water.
 """
 
 import lazy_loader
@@ -20,5 +20,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "tangential",
         "time_scales",
         "vectors",
+        "water",
     ),
 )
