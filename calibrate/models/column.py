@@ -42,11 +42,7 @@ def column(
     bed = simulated_fraction(sample, near, seed, varied, checkpoint)
     steps = 0
     if sample.times:
-        if jnp.ndim(mrjax.terminal_velocity(near.parameters)):
-            raise InputError(
-                f"sample {sample.name!r}: the particles of its recipe are of several sizes, and a "
-                "column settles as equal ones; give one diameter, or fit with another model"
-            )
+        _refuse_sizes(sample, near)
         known = replace(near, bed_fraction=fraction_of_bed(near, bed))
         steps = STEPS_TO_SPARE * mrjax.column_steps(**_tube(sample, known, cells))
 
@@ -61,6 +57,30 @@ def column(
         return prediction(sample, suspension, velocity, final, ratio)
 
     return predict
+
+
+def _refuse_sizes(sample: Sample, near: Suspension) -> None:
+    """Refuses particles of several sizes; names the one size that stands for them.
+
+    Stokes' velocity goes as d^2, and each particle counts by its mass, d^3: the diameter whose
+    velocity is the mean by mass is the root of the mean of d^2 by volume.
+
+    Raises:
+      InputError: the particles fall at several velocities.
+    """
+    if not jnp.ndim(mrjax.terminal_velocity(near.parameters)):
+        return
+    diameter = sample.recipe.particle.diameter
+    instead = "one diameter"
+    if not isinstance(diameter, float):
+        instead = (
+            f"particle.diameter = {diameter.settling_diameter:.4g}, whose velocity is their mean "
+            "by mass (root of the mean of d^2 by volume)"
+        )
+    raise InputError(
+        f"sample {sample.name!r}: the particles of its recipe are of several sizes, and a column "
+        f"settles as equal ones; give {instead}, or fit with another model"
+    )
 
 
 def _tube(sample: Sample, suspension: Suspension, cells: int) -> dict:

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     Volume fractions, number of particles, densities, drag factors, the settling velocity, time
     scales, the step and cost of a run to rest; warns where an assumption of the model does not
-    hold.
+    hold. Notes tell what was assumed, and what is left out because the recipe lacks it.
 
     \b
     Examples:
@@ -39,13 +39,14 @@ def check(recipe: str, quiet: bool, as_json: bool) -> None:
 
     sheet = mrjax.Recipe.load(recipe)
     quantities, warnings = derived.derived(sheet), derived.warnings(sheet)
+    notes = derived.notes(sheet)
     for warning in warnings:
         echo(f"mrjax: warning: {warning}", err=True)
     if as_json:
         result = {
             "recipe": sheet.name,
             "derived": _as_table(quantities),
-            "notes": sheet.notes,
+            "notes": notes,
             "warnings": warnings,
         }
         click.echo(files.as_json(result, ascii_only=True))
@@ -55,7 +56,7 @@ def check(recipe: str, quiet: bool, as_json: bool) -> None:
     for quantity in quantities:
         unit = "" if quantity.unit == "1" else f" {quantity.unit}"
         echo(f"{quantity.name:{widest}}  {quantity.value:.5g}{unit}")
-    for note in sheet.notes:
+    for note in notes:
         echo(f"Note: {note}.")
 
 

@@ -63,7 +63,7 @@ def refuse(case: Case) -> None:
             f"parameters are those of {velocity} particles; a column settles as equal ones: give "
             "one number for each parameter, such as the radius of the mean settling velocity"
         )
-    checks.meaningful(case.parameters, 1, None)
+    checks.meaningful(case.parameters, 1, None, contacts=False)
     for bound in (*bounds(case), *compression_bounds(case)):
         _refuse_number(bound)
     _refuse_times(case.times)

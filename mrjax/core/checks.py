@@ -134,8 +134,16 @@ def share(value: float, name: str, *, whole: bool = False) -> float:
     return float(value)
 
 
-def meaningful(parameters: Parameters, particles: int, material: Array | None) -> None:
+def meaningful(
+    parameters: Parameters, particles: int, material: Array | None, *, contacts: bool = True
+) -> None:
     """Refuses leaves that describe nothing, where they are known.
+
+    Args:
+      parameters: of the particles.
+      particles: N.
+      material: of each particle, (N,); None if they are of one.
+      contacts: whether particles may meet; otherwise what only contacts use may be unknown.
 
     Raises:
       InputError: the first leaf of a shape that does not fit, or out of its range.
@@ -160,8 +168,9 @@ def meaningful(parameters: Parameters, particles: int, material: Array | None) -
                 f"{quantity.name} has shape {np.shape(leaf)}; give one number, or one for each of "
                 f"the {particles} particles"
             )
-        if values is not None:
-            _in_range(quantity, values)
+        if values is None or (np.isnan(values).all() and quantity.metadata["contact"] > contacts):
+            continue
+        _in_range(quantity, values)
 
 
 def in_range(parameters: Parameters) -> None:
@@ -199,6 +208,11 @@ def _in_range(quantity: dataclasses.Field, values: np.ndarray) -> None:
     values = np.asarray(values, float)  # float32 cannot hold the bounds
     above, least, most = (quantity.metadata[key] for key in ("above", "least", "most"))
     good = (values > above) & (values >= least) & (values <= most)
+    if quantity.metadata["contact"] and np.isnan(values).any():
+        raise InputError(
+            f"{quantity.name} is not known (nan), and particles in contact need it; give it in "
+            f"{quantity.metadata['unit']}, or a material to the particles of the lab sheet"
+        )
     if not np.all(good):
         bound = f"above {above:g}" if np.isfinite(above) else "finite"
         bound = f"at least {least:g}" if np.isfinite(least) else bound

@@ -33,11 +33,13 @@ def _quantity(
     most: float = sys.float_info.max,
     pair: bool = False,
     wall: bool = False,
+    contact: bool = False,
     **keywords: Any,
 ) -> Any:
     """A leaf with its unit, what it is, its dimension in kg, m and s, and the values it may have.
 
     `pair`: it belongs to two surfaces, not to one. `wall`: to the walls, which are all alike.
+    `contact`: only particles in contact use it; NaN where it is not known.
     """
     metadata = {
         "unit": unit,
@@ -45,6 +47,7 @@ def _quantity(
         "dimension": (mass, length, time),
         "pair": pair,
         "wall": wall,
+        "contact": contact,
     }
     return field(metadata={**metadata, "above": above, "least": least, "most": most}, **keywords)
 
@@ -73,7 +76,8 @@ class Parameters:
     (M + 1, M + 1) for M materials of particles.
 
     `elastic_modulus` and `poisson_ratio` belong to the surface in contact: to the coating where
-    there is one (Son 2018, section 2.4). With no fluid in the way (`viscosity=0, gravity=0`) the
+    there is one (Son 2018, section 2.4), and are NaN where nobody knows them: only particles in
+    contact need them. With no fluid in the way (`viscosity=0, gravity=0`) the
     same parameters describe a dry collision.
     """
 
@@ -99,10 +103,16 @@ class Parameters:
         least=0.0,
     )
     elastic_modulus: ArrayLike = _quantity(
-        "Pa", "E of the surfaces in contact (Eqs. 5, 8, 26).", mass=1, length=-1, time=-2, above=0.0
+        "Pa",
+        "E of the surfaces in contact (Eqs. 5, 8, 26).",
+        mass=1,
+        length=-1,
+        time=-2,
+        above=0.0,
+        contact=True,
     )
     poisson_ratio: ArrayLike = _quantity(
-        "1", "nu of the surfaces in contact (Eqs. 5, 8, 26).", above=-1.0, most=0.5
+        "1", "nu of the surfaces in contact (Eqs. 5, 8, 26).", above=-1.0, most=0.5, contact=True
     )
     wall_elastic_modulus: ArrayLike = _quantity(
         "Pa",
@@ -114,6 +124,7 @@ class Parameters:
         above=0.0,
         most=math.inf,
         wall=True,
+        contact=True,
     )
     wall_poisson_ratio: ArrayLike = _quantity(
         "1",
@@ -122,6 +133,7 @@ class Parameters:
         above=-1.0,
         most=0.5,
         wall=True,
+        contact=True,
     )
     friction: ArrayLike = _quantity(
         "1",

@@ -13,9 +13,13 @@ from mrjax.recipe.tables import LARGEST_FACTOR, LEAST_FACTOR
 RANDOM_CLOSE_PACKING = 0.64
 """Volume fraction above which equal spheres cannot be dispersed (Desmond & Weeks, 0903.0864)."""
 
-LEAST_DENSITY, LEAST_MODULUS, LARGEST_DIAMETER, LARGEST_BOX = 10.0, 1e3, 0.1, 1e3
-"""kg/m^3, Pa, m and m: beyond these a number was given in another unit."""
+LEAST_DENSITY, LEAST_MODULUS, LEAST_TEMPERATURE = 10.0, 1e3, 100.0
+"""kg/m^3, Pa and K: below these a number was given in another unit."""
+LARGEST_DIAMETER, LARGEST_BOX = 0.1, 1e3
+"""m: beyond these a number was given in another unit."""
 
+UNIT_OF = {"concentration": " kg/m^3, which are g/L", "solids_ratio": " kg per kg of fluid"}
+"""Unit of a key of the composition, as messages show it."""
 NEUTRAL = 1e-9
 """Relative difference of densities below which it is one of rounding."""
 
@@ -32,12 +36,11 @@ def refuse_implausible(recipe: Suspension) -> None:
     _refuse_packing(recipe)
     _refuse_closure(recipe)
     _refuse_factors(recipe)
-    _refuse_box(recipe)
 
 
 def notes(recipe: Suspension) -> list[str]:
     """Remarks on what does not add up, though it can be simulated."""
-    if not recipe.coating:
+    if not recipe.coating or not recipe.composition.by_weight:
         return []
     layer = recipe.coating.density * (recipe.radius_factor**3 - 1.0)
     needed = recipe.composition.particle * layer / recipe.particle.density
@@ -67,11 +70,10 @@ def _refuse_units(recipe: Suspension) -> None:
                 f"{name}.elastic_modulus = {table.elastic_modulus}: no solid is so soft; give "
                 "Pa: 211 GPa is 211e9"
             )
-    largest = max(recipe.box.size)
-    if largest > LARGEST_BOX:
+    if recipe.temperature < LEAST_TEMPERATURE:
         raise ValueError(
-            f"box.size = {shown(list(recipe.box.size))}: too large for a suspension; give m: "
-            "25 um is 25e-6"
+            f"temperature = {recipe.temperature}: no suspension is so cold; give K: 20 degrees "
+            "Celsius are 293.15"
         )
     diameter = recipe.particle.diameter
     typical = diameter if isinstance(diameter, float) else diameter.mean_cube ** (1 / 3)
@@ -83,14 +85,15 @@ def _refuse_units(recipe: Suspension) -> None:
 
 
 def _refuse_coating(recipe: Suspension) -> None:
-    if recipe.radius_factor > 1 and recipe.composition.coating == 0:
+    made_of = recipe.composition
+    if recipe.radius_factor > 1 and made_of.by_weight and made_of.coating == 0:
         raise ValueError(
             "composition.coating is missing or 0, though [coating] has radius_factor = "
             f"{recipe.radius_factor}; give its weight fraction, or remove [coating]"
         )
-    if recipe.composition.coating > 0 and not recipe.coating:
+    if made_of.coating > 0 and not recipe.coating:
         raise ValueError(
-            f"composition.coating = {recipe.composition.coating}: there is no table [coating]; "
+            f"composition.coating = {made_of.coating}: there is no table [coating]; "
             "add one, or set the fraction to 0"
         )
 
@@ -98,15 +101,12 @@ def _refuse_coating(recipe: Suspension) -> None:
 def _refuse_packing(recipe: Suspension) -> None:
     limit = RANDOM_CLOSE_PACKING
     if recipe.volume_fraction >= limit:
-        made_of = recipe.composition
-        rest = made_of.fluid / recipe.fluid.density  # volume of all else, for each kg
-        rest += made_of.coating / recipe.coating.density if recipe.coating else 0.0
-        packed = limit * recipe.particle.density
-        most = packed / (packed + (1 - limit) * (1 - made_of.particle) / rest)
+        key = recipe.composition.key
+        most = recipe.composition.stating(limit, recipe.phases)
         raise ValueError(
-            f"composition.particle = {recipe.composition.particle}: a volume fraction of "
+            f"composition.{key} = {getattr(recipe.composition, key)}: a volume fraction of "
             f"{recipe.volume_fraction:.3f} is denser than random close packing ({limit}); give "
-            f"less than {most:.3f}"
+            f"less than {most:.4g}{UNIT_OF.get(key, '')}"
         )
     if recipe.coated_volume_fraction >= limit:
         most = (limit / recipe.volume_fraction) ** (1 / 3)
@@ -161,17 +161,22 @@ def _refuse_factors(recipe: Suspension) -> None:
                 )
 
 
-def _refuse_box(recipe: Suspension) -> None:
+def refuse_box(recipe: Suspension) -> None:
+    """Passes a stated box that its particles fit into, if it holds any.
+
+    Raises:
+      ValueError: its size, what is wrong and what to give.
+    """
+    if max(recipe.box.size) > LARGEST_BOX:
+        raise ValueError(
+            f"box.size = {shown(list(recipe.box.size))}: too large for a suspension; give m: "
+            "25 um is 25e-6"
+        )
     count, size = recipe.particle_count, list(recipe.box.size)
     if count > MOST_PARTICLES:
         raise ValueError(
             f"box.size = {size}: holds {count:.3g} particles; give a smaller box, in m: 25 um "
             "is 25e-6"
-        )
-    if count < 1:
-        raise ValueError(
-            f"box.size = {size}: holds {recipe.volume_fraction:.3g} of its volume in particles, "
-            "less than one particle; give a larger box"
         )
     diameter = recipe.largest_diameter
     for axis, length, periodic in zip(AXES, recipe.box.size, recipe.box.periodic, strict=True):

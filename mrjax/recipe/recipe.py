@@ -1,7 +1,8 @@
 """The lab sheet: what a suspension is made of, and the `Parameters` that follow from it.
 
-Weight fractions become volume fractions, a number of particles in the box, and the `Parameters`
-that every law reads. Everything is checked here, once.
+A composition becomes volume fractions, a number of particles in the box, and the `Parameters` that
+every law reads. Everything is checked here, once; what only particles in contact use is asked for
+where they are run.
 """
 
 from pathlib import Path
@@ -15,10 +16,10 @@ from pydantic import ValidationError, model_validator
 from mrjax.core.box import Box
 from mrjax.core.errors import InputError
 from mrjax.core.parameters import Parameters
-from mrjax.recipe import plausibility, sheets
+from mrjax.recipe import assumptions, contacts, plausibility, sheets
 from mrjax.recipe.sheets import Sheet
 from mrjax.recipe.suspension import Suspension
-from mrjax.recipe.tables import Wall
+from mrjax.recipe.tables import MODULI, Wall
 
 
 class Recipe(Suspension):
@@ -60,29 +61,38 @@ class Recipe(Suspension):
         Raises:
           InputError: a value that cannot be used.
         """
-        tables = {
-            name: vars(table) | changes[name]
-            for name, table in vars(self).items()
-            if isinstance(changes.get(name), dict) and isinstance(table, Sheet | Box)
-        }
-        return Recipe(**vars(self) | changes | tables)
+        tables = {}
+        for name, table in vars(self).items():
+            change = changes.get(name)
+            if isinstance(change, dict) and isinstance(table, Sheet):
+                tables[name] = table.changed(change)
+            elif isinstance(change, dict) and isinstance(table, Box):
+                tables[name] = vars(table) | change
+        return Recipe(**self.stated | changes | tables)
 
     @property
     def notes(self) -> list[str]:
-        """Remarks on what does not add up, though it can be simulated."""
-        return plausibility.notes(self)
+        """Remarks on what was assumed, and on what does not add up though it can be simulated."""
+        return [*assumptions.notes(self), *plausibility.notes(self)]
+
+    @property
+    def contact_notes(self) -> list[str]:
+        """Remarks on what was assumed for particles in contact, which no other model uses."""
+        return contacts.notes(self)
 
     def parameters(self, dtype: DTypeLike = float) -> Parameters:
         """The physical quantities every law reads: a pytree in SI units.
 
         Leaves have shape (); the radius (N,) where sizes are distributed, and what belongs to two
-        surfaces (2, 2) where it differs between particles and walls.
+        surfaces (2, 2) where it differs between particles and walls. Moduli that the sheet does not
+        give are NaN: only particles in contact need them, and a run of these refuses them.
 
         Args:
           dtype: of the leaves; `float` is JAX's default.
         """
         surface = self.coating or self.particle
         wall = self.wall or Wall()
+        elastic_modulus, poisson_ratio = (_or(getattr(surface, key), np.nan) for key in MODULI)
         diameter, touch = self.particle.diameter, self.contact
 
         def table(between: float, at_wall: float | None) -> float | np.ndarray:
@@ -95,10 +105,10 @@ class Recipe(Suspension):
             particle_density=self.particle.density,
             fluid_density=self.fluid.density,
             viscosity=self.fluid.viscosity,
-            elastic_modulus=surface.elastic_modulus,
-            poisson_ratio=surface.poisson_ratio,
-            wall_elastic_modulus=_or(wall.elastic_modulus, surface.elastic_modulus),
-            wall_poisson_ratio=_or(wall.poisson_ratio, surface.poisson_ratio),
+            elastic_modulus=elastic_modulus,
+            poisson_ratio=poisson_ratio,
+            wall_elastic_modulus=_or(wall.elastic_modulus, elastic_modulus),
+            wall_poisson_ratio=_or(wall.poisson_ratio, poisson_ratio),
             friction=table(touch.friction, wall.friction),
             restitution=table(touch.restitution, wall.restitution),
             dissipation=touch.dissipation,
@@ -118,8 +128,13 @@ class Recipe(Suspension):
             return parameters.astype(dtype)
 
     @model_validator(mode="after")
-    def _plausible(self) -> Self:
+    def _whole_and_plausible(self) -> Self:
+        self.assume(fluid=assumptions.fluid(self.fluid, self.temperature))
         plausibility.refuse_implausible(self)
+        if "box" in self.stated:
+            plausibility.refuse_box(self)
+        else:
+            self.assume(box=assumptions.box(self))
         return self
 
 

@@ -42,6 +42,19 @@ class Sheet(BaseModel):
                 raise PydanticCustomError("beyond", "must be 0, or between 1e-30 and 1e30 in size")
         return value
 
+    @property
+    def stated(self) -> dict[str, Any]:
+        """The keys that were given, with their values; not what was assumed."""
+        return {key: getattr(self, key) for key in self.model_fields_set}
+
+    def changed(self, changes: dict[str, Any]) -> dict[str, Any]:
+        """The stated keys with some changed."""
+        return self.stated | changes
+
+    def assume(self, **values: Any) -> None:
+        """Fills in what follows from other keys where it is not stated, when a sheet is read."""
+        self.__dict__.update(values)
+
 
 def _one_line(most: int) -> Callable[[str], str]:
     def check(text: str) -> str:

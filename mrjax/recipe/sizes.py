@@ -1,20 +1,19 @@
-"""Size distributions of particles: a list of classes, or log-normal; by number or by volume.
+"""Size distributions of particles: a list of classes, log-normal, or three percentiles.
 
 A suspension of N particles takes its diameters at the quantiles (i + 1/2)/N of the distribution by
 number: the same ones whatever the seed, and no stray giant.
 """
 
 import math
-from dataclasses import dataclass
-from numbers import Real
+from dataclasses import MISSING, dataclass, fields
 from typing import Any
 
 import numpy as np
 
 from mrjax.core.errors import InputError, shown, shown_key
+from mrjax.recipe.percentiles import Percentiles
+from mrjax.recipe.size_checks import is_positive, positive_list, refuse_basis, refuse_tiny
 
-LEAST_DIAMETER = 1e-10
-"""Diameter of an atom, m: what is smaller was given in another unit."""
 WIDEST = 3.0
 """Largest geometric standard deviation: beyond, a few particles hold all the volume."""
 
@@ -37,22 +36,27 @@ class Classes:
     by: str = "number"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "values", _positive_list("values", self.values, "diameters in m"))
+        object.__setattr__(self, "values", positive_list("values", self.values, "diameters in m"))
         refuse_tiny("values", min(self.values))
         if self.fractions is not None:
-            fractions = _positive_list("fractions", self.fractions, "fractions")
+            fractions = positive_list("fractions", self.fractions, "fractions")
             if len(fractions) != len(self.values):
                 raise InputError(
                     f"fractions = {shown(list(fractions))}: {len(fractions)} for "
                     f"{len(self.values)} values; give one for each"
                 )
             object.__setattr__(self, "fractions", fractions)
-        _basis(self.by)
+        refuse_basis(self.by)
 
     @property
     def mean_cube(self) -> float:
         """Mean of d^3 over the particles, m^3."""
-        return float(self._number_fractions() @ np.array(self.values) ** 3)
+        return self._mean_power(3)
+
+    @property
+    def settling_diameter(self) -> float:
+        """Root of the mean of d^2 by volume, m: of Stokes' velocity of the mean particle by mass."""
+        return math.sqrt(self._mean_power(5) / self._mean_power(3))
 
     def sample(self, particles: int) -> np.ndarray:
         """Diameters of that many particles, (N,) in m, ascending."""
@@ -61,6 +65,9 @@ class Classes:
         quantiles = (np.arange(particles) + 0.5) / particles
         row = np.minimum(np.searchsorted(upto, quantiles), len(order) - 1)
         return np.array(self.values)[order][row]
+
+    def _mean_power(self, power: int) -> float:
+        return float(self._number_fractions() @ np.array(self.values) ** power)
 
     def _number_fractions(self) -> np.ndarray:
         values = np.array(self.values)
@@ -89,17 +96,17 @@ class LogNormal:
 
     def __post_init__(self) -> None:
         spread = self.geometric_standard_deviation
-        if not _is_positive(self.median):
+        if not is_positive(self.median):
             raise InputError(
                 f"median = {shown(self.median)}: must be a diameter in m, above zero, at most 1e30"
             )
         refuse_tiny("median", self.median)
-        if not _is_positive(spread) or not 1 < spread <= WIDEST:
+        if not is_positive(spread) or not 1 < spread <= WIDEST:
             raise InputError(
                 f"geometric_standard_deviation = {shown(spread)}: must be above 1, at most "
                 f"{WIDEST:g}; without spread, give the diameter alone"
             )
-        _basis(self.by)
+        refuse_basis(self.by)
 
     @property
     def number_median(self) -> float:
@@ -111,6 +118,11 @@ class LogNormal:
     def mean_cube(self) -> float:
         """Mean of d^3 over the particles, m^3."""
         return self.number_median**3 * math.exp(4.5 * self._log_spread**2)
+
+    @property
+    def settling_diameter(self) -> float:
+        """Root of the mean of d^2 by volume, m: of Stokes' velocity of the mean particle by mass."""
+        return self.number_median * math.exp(4.0 * self._log_spread**2)
 
     def sample(self, particles: int) -> np.ndarray:
         """Diameters of that many particles, (N,) in m, ascending."""
@@ -124,7 +136,7 @@ class LogNormal:
         return math.log(self.geometric_standard_deviation)
 
 
-Sizes = Classes | LogNormal
+Sizes = Classes | LogNormal | Percentiles
 
 
 def parse(diameter: Any) -> Sizes:
@@ -133,7 +145,7 @@ def parse(diameter: Any) -> Sizes:
     Raises:
       InputError: what it gives is none of these.
     """
-    if isinstance(diameter, Classes | LogNormal):
+    if isinstance(diameter, Sizes):
         return diameter
     if isinstance(diameter, list | tuple):
         return Classes(tuple(diameter))
@@ -142,46 +154,24 @@ def parse(diameter: Any) -> Sizes:
             f"values = {shown(diameter)}: must be a list of diameters in m; or give the "
             "diameter as a number, or a table"
         )
-    kind = LogNormal if "median" in diameter else Classes
-    known = list(kind.__dataclass_fields__)
+    kind = _kind(diameter)
+    known = [field.name for field in fields(kind)]
     for key in diameter:
         if key not in known:
             raise InputError(
                 f"{shown_key(key)} = {shown(diameter[key])}: unknown key; known: {', '.join(known)}"
             )
-    needed = ("median", "geometric_standard_deviation") if kind is LogNormal else ("values",)
-    for key in needed:
-        if key not in diameter:
+    for field in fields(kind):
+        if field.default is MISSING and field.name not in diameter:
             raise InputError(
-                f"{key} is missing; give values, or median and geometric_standard_deviation"
+                f"{field.name} is missing; give values, or median and "
+                "geometric_standard_deviation, or d10, d50 and d90"
             )
     return kind(**diameter)
 
 
-def refuse_tiny(key: str, diameter: float) -> None:
-    """Passes a diameter in m that a particle may have.
-
-    Raises:
-      InputError: it is smaller than an atom.
-    """
-    if diameter < LEAST_DIAMETER:
-        raise InputError(f"{key} = {diameter:g}: smaller than an atom; give m: 4 um is 4e-6")
-
-
-def _is_positive(value: Any) -> bool:
-    number = isinstance(value, Real) and not isinstance(value, bool)
-    return number and 1e-30 <= value <= 1e30  # what follows from others is not finite
-
-
-def _positive_list(name: str, values: Any, what: str) -> tuple[float, ...]:
-    if not isinstance(values, list | tuple) or not values or not all(map(_is_positive, values)):
-        given = list(values) if isinstance(values, tuple) else values
-        raise InputError(
-            f"{name} = {shown(given)}: must be a list of {what}, all above zero, at most 1e30"
-        )
-    return tuple(float(value) for value in values)
-
-
-def _basis(by: Any) -> None:
-    if by not in ("number", "volume"):
-        raise InputError(f'by = {shown(by)}: must be "number" or "volume"')
+def _kind(table: dict) -> type[Classes] | type[LogNormal] | type[Percentiles]:
+    """The distribution that a table describes."""
+    if "median" in table:
+        return LogNormal
+    return Percentiles if {"d10", "d50", "d90"} & set(table) else Classes

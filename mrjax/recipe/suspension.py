@@ -13,11 +13,14 @@ from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.laws import drag, particle
 from mrjax.laws.hindrance import Hindrance
 from mrjax.recipe import tables
+from mrjax.recipe.composition import Composition, Phases
 from mrjax.recipe.sheets import Name, Sheet
-from mrjax.recipe.tables import Coating, Composition, Contact, Drag, Fluid, Particle, Wall
+from mrjax.recipe.tables import Coating, Contact, Drag, Fluid, Particle, Wall
 
 MOST_PARTICLES = 10**7
 """More than a machine can hold: a box in micrometres, taken for metres."""
+CHOSEN_PARTICLES = 300
+"""Particles that a box holds where none is stated; those of the bundled sheets hold as many."""
 
 
 class Suspension(Sheet):
@@ -32,17 +35,27 @@ class Suspension(Sheet):
     drag: Drag = Field(default=Drag(), description="a table [drag]")
     contact: Contact = Field(default=Contact(), description="a table [contact]")
     box: Annotated[Box, BeforeValidator(tables.box)] = Field(
-        description="a table [box] with size in m"
+        default=None, description="a table [box] with size in m"
+    )
+    temperature: float = Field(
+        default=293.15, gt=0, le=1e4, description="the temperature in K: 20 degrees are 293.15"
     )
     gravity: float = Field(default=9.81, ge=0, le=1e9, description="g in m/s^2, at least zero")
 
     @property
+    def phases(self) -> Phases:
+        """Densities of particles, fluid and coating, and how thick the coating is."""
+        return Phases(
+            self.particle.density,
+            self.fluid.density,
+            self.coating.density if self.coating else None,
+            self.radius_factor**3 - 1.0,
+        )
+
+    @property
     def volume_fraction(self) -> float:
-        """Phi of the uncoated particles, from the weight fractions; 1."""
-        solid = self.composition.particle / self.particle.density
-        liquid = self.composition.fluid / self.fluid.density
-        shell = self.composition.coating / self.coating.density if self.coating else 0.0
-        return solid / (solid + liquid + shell)
+        """Phi of the uncoated particles, from the composition; 1."""
+        return self.composition.fraction(self.phases)
 
     @property
     def radius_factor(self) -> float:
@@ -69,11 +82,12 @@ class Suspension(Sheet):
 
     @property
     def diameters(self) -> np.ndarray:
-        """Diameters of the uncoated particles in the box, (N,) in m; ascending."""
-        diameter = self.particle.diameter
-        if isinstance(diameter, float):
-            return np.full(self.particle_count, diameter)
-        return diameter.sample(self.particle_count)
+        """Diameters of the uncoated particles in the box, (N,) in m; ascending.
+
+        Where the box holds no particle, those of as many as a chosen box holds.
+        """
+        diameter, count = self.particle.diameter, self.particle_count or CHOSEN_PARTICLES
+        return np.full(count, diameter) if isinstance(diameter, float) else diameter.sample(count)
 
     @property
     def largest_diameter(self) -> float:

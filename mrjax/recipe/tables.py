@@ -2,7 +2,7 @@
 
 import inspect
 import math
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, SkipValidation, field_validator, model_validator
 
@@ -10,11 +10,15 @@ from mrjax.core.box import Box
 from mrjax.core.errors import InputError, shown, shown_key
 from mrjax.laws import drag
 from mrjax.recipe import sheets, sizes
+from mrjax.recipe.materials import MATERIALS
 from mrjax.recipe.sheets import Sheet
+from mrjax.recipe.size_checks import refuse_tiny
 from mrjax.recipe.sizes import Sizes
 
 LEAST_FACTOR, LARGEST_FACTOR = 1e-6, 1e9
 """Bounds of a drag factor."""
+MODULI = ("elastic_modulus", "poisson_ratio")
+"""Keys of a solid that only its contacts use."""
 
 
 def _above_zero(key: str, value: object, what: str = "a number") -> float:
@@ -29,7 +33,7 @@ def _above_zero(key: str, value: object, what: str = "a number") -> float:
 def _diameter(value: Any) -> float | Sizes:
     if isinstance(value, int | float) and not isinstance(value, bool):
         diameter = _above_zero("particle.diameter", value, "the diameter in m")
-        sizes.refuse_tiny("particle.diameter", diameter)
+        refuse_tiny("particle.diameter", diameter)
         return diameter
     try:
         return sizes.parse(value)
@@ -37,34 +41,73 @@ def _diameter(value: Any) -> float | Sizes:
         raise ValueError(f"particle.diameter.{error}") from None
 
 
-class Particle(Sheet):
-    """The uncoated particle."""
+class Solid(Sheet):
+    """What a particle or its coating is made of."""
 
     density: float = Field(gt=0, le=1e5, description="the density in kg/m^3, above zero")
+    elastic_modulus: float | None = Field(
+        default=None, gt=0, le=1e15, description="the elastic modulus in Pa, above zero"
+    )
+    poisson_ratio: float | None = Field(
+        default=None, gt=-1, le=0.5, description="Poisson's ratio, -1 to 0.5"
+    )
+    material: Literal["metal", "mineral", "polymer"] | None = Field(
+        default=None, description=f"one of {', '.join(MATERIALS)}, for moduli that are not stated"
+    )
+
+    def changed(self, changes: dict[str, Any]) -> dict[str, Any]:
+        """The stated keys with some changed; another material has moduli of its own."""
+        kept = {key: value for key, value in self.stated.items() if key not in MODULI}
+        return (kept if "material" in changes else self.stated) | changes
+
+    @model_validator(mode="after")
+    def _moduli_of_its_material(self) -> Self:
+        if self.material is not None:
+            moduli = MATERIALS[self.material]
+            for key in MODULI:
+                if getattr(self, key) is None:
+                    self.assume(**{key: getattr(moduli, key)})
+        return self
+
+
+class Particle(Solid):
+    """The uncoated particle."""
+
     diameter: Annotated[SkipValidation[float | Sizes], BeforeValidator(_diameter)] = Field(
         description="the diameter in m, a list of them, or a table of a distribution"
     )
-    elastic_modulus: float = Field(
-        gt=0, le=1e15, description="the elastic modulus in Pa, above zero"
-    )
-    poisson_ratio: float = Field(gt=-1, le=0.5, description="Poisson's ratio, -1 to 0.5")
 
 
 class Fluid(Sheet):
-    """The carrier fluid without additives."""
+    """The carrier fluid without additives: its density and viscosity, or a liquid that has them.
 
-    density: float = Field(gt=0, le=1e5, description="the density in kg/m^3, above zero")
-    viscosity: float = Field(ge=1e-9, le=1e15, description="the viscosity in Pa s, above zero")
+    What is stated counts; the liquid gives the rest, at the temperature of the sheet.
+    """
+
+    density: float = Field(
+        default=None, gt=0, le=1e5, description="the density in kg/m^3, above zero"
+    )
+    viscosity: float = Field(
+        default=None, ge=1e-9, le=1e15, description="the viscosity in Pa s, above zero"
+    )
+    liquid: Literal["water"] | None = Field(default=None, description='"water"')
+
+    def changed(self, changes: dict[str, Any]) -> dict[str, Any]:
+        """The stated keys with some changed; another liquid has properties of its own."""
+        return changes if "liquid" in changes else self.stated | changes
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        for key in ("density", "viscosity") if self.liquid is None else ():
+            if getattr(self, key) is None:
+                what = type(self).model_fields[key].description
+                raise ValueError(f'fluid.{key} is missing; give {what}, or liquid = "water"')
+        return self
 
 
-class Coating(Sheet):
+class Coating(Solid):
     """The layer of surfactant around each particle."""
 
-    density: float = Field(gt=0, le=1e5, description="the density in kg/m^3, above zero")
-    elastic_modulus: float = Field(
-        gt=0, le=1e15, description="the elastic modulus in Pa, above zero"
-    )
-    poisson_ratio: float = Field(gt=-1, le=0.5, description="Poisson's ratio, -1 to 0.5")
     radius_factor: float = Field(
         ge=1, le=100, description="f_r, coated over uncoated radius, at least 1"
     )
@@ -91,26 +134,6 @@ class Wall(Sheet):
         le=1e3,
         description="the coefficient of rolling on the walls, at least 0",
     )
-
-
-class Composition(Sheet):
-    """Weight fractions of the whole suspension."""
-
-    particle: float = Field(gt=0, lt=1, description="the weight fraction of particles, 0 to 1")
-    fluid: float = Field(gt=0, lt=1, description="the weight fraction of the fluid, 0 to 1")
-    coating: float = Field(
-        default=0.0, ge=0, lt=1, description="the weight fraction of the coating, 0 to 1"
-    )
-
-    @model_validator(mode="after")
-    def _whole(self) -> Self:
-        total = self.particle + self.fluid + self.coating
-        if abs(total - 1.0) > 1e-6:
-            raise ValueError(
-                f"particle + fluid + coating = {self.particle} + {self.fluid} + {self.coating} = "
-                f"{total:.6g}; weight fractions must sum to 1"
-            )
-        return self
 
 
 class Drag(Sheet):

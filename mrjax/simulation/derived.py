@@ -5,11 +5,13 @@ from dataclasses import dataclass
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.typing import ArrayLike
 
 from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.core.parameters import Parameters
 from mrjax.core.units import MM_PER_DAY
-from mrjax.laws import closed_forms, dimensionless, particle, time_scales
+from mrjax.laws import closed_forms, dimensionless, time_scales
+from mrjax.recipe import contacts
 from mrjax.recipe.recipe import Recipe
 from mrjax.simulation import estimates
 from mrjax.simulation.overlap import OVERLAP
@@ -31,6 +33,9 @@ class Quantity:
 def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
     """Fractions, particles, densities, drag, velocities, time scales, and what a run would take.
 
+    What only particles in contact have is left out where the recipe lacks what it takes; `notes`
+    says so.
+
     Args:
       recipe: the lab sheet.
       overlap: to which contacts would be softened for a run to rest, in contact radii.
@@ -38,17 +43,28 @@ def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
     Raises:
       InputError: a sheet of which a run cannot be made.
     """
-    parameters, count = recipe.parameters(), recipe.particle_count
-    particles = evaluate_with_numpy(_of_particles, parameters)
-    soft = softened(parameters, recipe.box, count, overlap)
-    way = estimates.Way(recipe.box.height, recipe.box.height)
-    fall, falling = estimates.duration(soft, recipe.box, count, way)
-    step = estimates.step(soft, recipe.box, count, falling, recipe.hindrance)
-    factor = float(soft.elastic_modulus) / float(parameters.elastic_modulus)
-    numbers = dimensionless.numbers(parameters, particles["velocity"])
-    rest, steps = estimates.TIMES_FREE_FALL * fall, estimates.TIMES_FREE_FALL * fall / step
-    quantities = [
-        ("particles", "particles in the box", count, "1"),
+    quantities = [*_of_suspension(recipe), *_of_fall(recipe)]
+    if contacts.missing(recipe) is None:
+        quantities += [*_of_contacts(recipe), *_of_a_run_to_rest(recipe, overlap)]
+    return [Quantity(key, name, float(value), unit) for key, name, value, unit in quantities]
+
+
+def notes(recipe: Recipe) -> list[str]:
+    """Remarks on what was assumed, what does not add up, and what `derived` leaves out, and why."""
+    lacking = contacts.missing(recipe)
+    left_out = [f"times and steps of contacts are left out: {lacking}"] if lacking else []
+    return [*recipe.notes, *recipe.contact_notes, *left_out]
+
+
+Row = tuple[str, str, ArrayLike, str]
+"""Key, name, value and unit of a quantity."""
+
+
+def _of_suspension(recipe: Recipe) -> list[Row]:
+    """Fractions, sizes, density and the factors on drag."""
+    diameters = 1e6 * recipe.radius_factor * recipe.diameters
+    return [
+        ("particles", "particles in the box", recipe.particle_count, "1"),
         ("volume_fraction", "volume fraction of particles", recipe.volume_fraction, "1"),
         (
             "coated_volume_fraction",
@@ -56,26 +72,61 @@ def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
             recipe.coated_volume_fraction,
             "1",
         ),
-        ("smallest_diameter", "smallest coated diameter", 2e6 * particles["smallest"], "um"),
-        ("largest_diameter", "largest coated diameter", 2e6 * particles["largest"], "um"),
+        ("smallest_diameter", "smallest coated diameter", diameters[0], "um"),
+        ("largest_diameter", "largest coated diameter", diameters[-1], "um"),
         ("density", "density of coated particles", recipe.apparent_density, "kg/m^3"),
         ("f_w", "f_w, crowding", recipe.f_w, "1"),
         ("f_s", "f_s, shape", recipe.f_s, "1"),
         ("f_v", "f_v, viscosity", recipe.drag.f_v, "1"),
         ("f_r", "f_r, coating", recipe.radius_factor, "1"),
+    ]
+
+
+def _of_fall(recipe: Recipe) -> list[Row]:
+    """Velocity, dimensionless numbers and the time in which a velocity is reached."""
+    parameters = recipe.parameters()
+    velocity, relaxation = evaluate_with_numpy(_falling, parameters)
+    numbers = dimensionless.numbers(parameters, velocity)
+    return [
         (
             "settling_velocity",
             "settling velocity (Eq. 27)",
-            MM_PER_DAY * np.mean(particles["velocity"]),
+            MM_PER_DAY * np.mean(velocity),
             "mm/day",
         ),
         *(
             (f"{number.name.lower()}_number", f"{number.name} number", number.value, "1")
             for number in numbers
         ),
-        ("relaxation_time", "relaxation time", particles["relaxation"], "s"),
-        ("rayleigh_time", "Rayleigh time of a contact (Eq. 26)", particles["rayleigh"], "s"),
-        ("time_step", "step that resolves both (Eq. 29)", particles["step"], "s"),
+        ("relaxation_time", "relaxation time", relaxation, "s"),
+    ]
+
+
+def _of_contacts(recipe: Recipe) -> list[Row]:
+    """Time of a contact, and the step that resolves it."""
+    parameters = recipe.parameters()
+    rayleigh = evaluate_with_numpy(time_scales.rayleigh_time, parameters)
+    step = evaluate_with_numpy(time_scales.time_step, parameters)
+    return [
+        ("rayleigh_time", "Rayleigh time of a contact (Eq. 26)", rayleigh, "s"),
+        ("time_step", "step that resolves both (Eq. 29)", step, "s"),
+    ]
+
+
+def _of_a_run_to_rest(recipe: Recipe, overlap: float) -> list[Row]:
+    """Softening, step, duration and cost of a run to rest.
+
+    Raises:
+      InputError: nothing comes to rest, or no step is stable.
+    """
+    parameters, count = recipe.parameters(), recipe.particle_count
+    soft = softened(parameters, recipe.box, count, overlap)
+    way = estimates.Way(recipe.box.height, recipe.box.height)
+    fall, falling = estimates.duration(soft, recipe.box, count, way)
+    step = estimates.step(soft, recipe.box, count, falling, recipe.hindrance)
+    factor = float(soft.elastic_modulus) / float(parameters.elastic_modulus)
+    rest, steps = estimates.TIMES_FREE_FALL * fall, estimates.TIMES_FREE_FALL * fall / step
+    return [
         ("softening", f"factor on moduli for an overlap of {overlap:g} radii", factor, "1"),
         ("time_step_to_rest", "step of a run to rest", step, "s"),
         ("duration_to_rest", "duration of a run to rest, about", rest, "s"),
@@ -87,24 +138,18 @@ def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
             "s",
         ),
     ]
-    return [Quantity(key, name, float(value), unit) for key, name, value, unit in quantities]
 
 
 def warnings(recipe: Recipe) -> list[str]:
     """Warnings, one line for each assumption of the model that the suspension does not meet."""
     parameters = recipe.parameters()
-    velocity = evaluate_with_numpy(_of_particles, parameters)["velocity"]
+    velocity, _ = evaluate_with_numpy(_falling, parameters)
     return dimensionless.warnings(dimensionless.numbers(parameters, velocity))
 
 
-def _of_particles(parameters: Parameters) -> dict[str, Array]:
-    """Extremes over all particles, and the velocity of each, () or (N,); SI, without a box."""
-    outer = particle.outer_radius(parameters)
-    return {
-        "smallest": jnp.min(outer),
-        "largest": jnp.max(outer),
-        "velocity": closed_forms.terminal_velocity(parameters),
-        "relaxation": jnp.max(time_scales.relaxation_time(parameters)),
-        "rayleigh": time_scales.rayleigh_time(parameters),
-        "step": time_scales.time_step(parameters),
-    }
+def _falling(parameters: Parameters) -> tuple[Array, Array]:
+    """Velocity of each particle, m/s, () or (N,), and the longest relaxation time, s; no box."""
+    return (
+        closed_forms.terminal_velocity(parameters),
+        jnp.max(time_scales.relaxation_time(parameters)),
+    )

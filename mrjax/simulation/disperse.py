@@ -23,6 +23,7 @@ from mrjax.core.state import State, place
 from mrjax.dem import neighbours
 from mrjax.dem.neighbours import ListPlan, Neighbours
 from mrjax.laws import particle
+from mrjax.recipe import contacts
 from mrjax.recipe.recipe import Recipe
 
 CLEARANCE = 0.005
@@ -34,7 +35,7 @@ SKIN = 1.0
 
 
 def disperse(recipe: Recipe, seed: int = 0, *, dtype: DTypeLike = float) -> State:
-    """The suspension of a recipe, well mixed and at rest: N from its weight fractions.
+    """The suspension of a recipe, well mixed and at rest: N from its composition.
 
     The same seed gives the same suspension on the same machine, whatever generator of random
     numbers JAX is set to.
@@ -45,7 +46,8 @@ def disperse(recipe: Recipe, seed: int = 0, *, dtype: DTypeLike = float) -> Stat
       dtype: of the state, and so of a run that starts from it; `float` is JAX's default.
 
     Raises:
-      InputError: the particles cannot be placed in the box without overlap.
+      InputError: the recipe lacks what particles in contact need, or they cannot be placed in the
+        box without overlap.
 
     Example:
       >>> state = mrjax.disperse(mrjax.Recipe.load("case2"), seed=0)
@@ -53,6 +55,7 @@ def disperse(recipe: Recipe, seed: int = 0, *, dtype: DTypeLike = float) -> Stat
       (314, 3)
     """
     checks.of_kind(Recipe, recipe=recipe)
+    contacts.refuse_missing(recipe)
     parameters = recipe.parameters()
     particles = recipe.particle_count
     radius = np.broadcast_to(np.asarray(particle.outer_radius(parameters)), (particles,))

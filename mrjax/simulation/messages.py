@@ -75,7 +75,7 @@ def _plain(value: Any, arrays: list[np.ndarray]) -> Any:
     if isinstance(value, Path):
         return {"path": str(value)}
     if isinstance(value, Recipe):
-        return {"recipe": value.model_dump(mode="json", exclude_none=True)}
+        return {"recipe": value.model_dump(mode="json", exclude_unset=True)}
     if (name := type(value).__name__) in TABLES:
         fields = dataclasses.fields(value)
         return {name: {field.name: _plain(getattr(value, field.name), arrays) for field in fields}}

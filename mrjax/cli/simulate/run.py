@@ -17,6 +17,7 @@ from mrjax.core import checks
 from mrjax.io import files, results
 from mrjax.laws import time_scales
 from mrjax.observables.interface import RELAXATIONS_TO_STEADY
+from mrjax.recipe import contacts
 from mrjax.simulation import processes
 
 STEADY_AFTER = 10.0
@@ -48,7 +49,7 @@ class Plan:
     @property
     def notes(self) -> list[str]:
         """Remarks on the sheet and on the length of the run."""
-        notes, duration = list(self.sheet.notes), self.request.duration
+        notes, duration = self.sheet.notes + self.sheet.contact_notes, self.request.duration
         if duration is not None and not self.steady:
             notes.append(
                 f"the run covers {duration / self.relaxation_time:.2g} relaxation times, too few "
@@ -101,6 +102,7 @@ def prepared(request: Request) -> Plan:
         processes.join(*request.distributed)
         environment.find_devices()
     sheet = processes.by_first(lambda: Recipe.load(request.recipe))
+    contacts.refuse_missing(sheet)
     for name, value in (("--duration", request.duration), ("--time-step", request.time_step)):
         if value is not None:
             checks.positive(value, name, "s")

@@ -1,0 +1,61 @@
+"""What only particles in contact use: moduli, and a box that holds some of them.
+
+A suspension as a whole, its drag and its velocity, can do without; a run of particles cannot.
+"""
+
+from mrjax.core.errors import InputError
+from mrjax.recipe.materials import MATERIALS
+from mrjax.recipe.suspension import Suspension
+from mrjax.recipe.tables import MODULI, Coating, Particle
+
+
+def missing(recipe: Suspension) -> str | None:
+    """What a run of particles lacks, with its remedy; None if nothing."""
+    table, surface = _surface(recipe)
+    for key in MODULI:
+        if getattr(surface, key) is None:
+            materials = " or ".join(f'"{name}"' for name in MATERIALS)
+            return (
+                f"{table}.{key} is missing, which particles in contact need; give "
+                f"{type(surface).model_fields[key].description}, or {table}.material = {materials}"
+            )
+    if recipe.particle_count < 1:
+        return (
+            f"box.size = {list(recipe.box.size)}: holds {recipe.volume_fraction:.3g} of its volume "
+            "in particles, less than one particle; give a larger box, or none for one that is chosen"
+        )
+    return None
+
+
+def refuse_missing(recipe: Suspension) -> None:
+    """Passes a recipe whose particles can meet.
+
+    Raises:
+      InputError: what is missing for it.
+    """
+    if line := missing(recipe):
+        raise InputError(f"recipe {recipe.name!r}: {line}")
+
+
+def notes(recipe: Suspension) -> list[str]:
+    """Remarks on what was assumed for particles in contact."""
+    table, surface = _surface(recipe)
+    lines = []
+    assumed = [key for key in MODULI if surface.material and key not in surface.stated]
+    if surface.material and assumed:
+        values = " and ".join(f"{table}.{key} = {getattr(surface, key):.3g}" for key in assumed)
+        lines.append(
+            f"{values}: assumed for a {surface.material}, as of {MATERIALS[surface.material].of}"
+        )
+    if "box" not in recipe.stated:
+        size = " x ".join(f"{1e6 * length:.4g}" for length in recipe.box.size)
+        lines.append(
+            f"no box is given: one of {size} um is chosen for {recipe.particle_count} particles, "
+            "periodic at its sides"
+        )
+    return lines
+
+
+def _surface(recipe: Suspension) -> tuple[str, Particle | Coating]:
+    """The table of the material that touches, and its name."""
+    return ("coating", recipe.coating) if recipe.coating else ("particle", recipe.particle)

@@ -1,0 +1,24 @@
+"""Moduli of a kind of material, for a sheet that states none.
+
+Handbook values of one common material of each kind, at room temperature: Callister & Rethwisch,
+Materials Science and Engineering, 8th ed., Appendix B, Tables B.2 and B.3. They hold within a factor
+of about three for others of the kind. Runs to rest soften contacts by far more.
+"""
+
+from typing import NamedTuple
+
+
+class Moduli(NamedTuple):
+    """Elastic constants of a material."""
+
+    elastic_modulus: float  # Pa
+    poisson_ratio: float  # 1
+    of: str  # the material that has them
+
+
+MATERIALS = {
+    "metal": Moduli(207e9, 0.30, "steel"),
+    "mineral": Moduli(69e9, 0.23, "soda-lime glass"),
+    "polymer": Moduli(2.8e9, 0.33, "polystyrene"),
+}
+"""Kinds of material by the names that a lab sheet uses."""

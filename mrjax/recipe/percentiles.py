@@ -1,0 +1,88 @@
+"""A size distribution by three of its percentiles, as a laser granulometer prints them.
+
+The share of the volume in smaller particles is linear in ln d from d10 to d50 and from d50 to d90.
+The tenth beyond either end goes on with the slope beside it, from d0 = d10 (d10 / d50)^(1/4) to
+d100 = d90 (d90 / d50)^(1/4).
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from mrjax.core.errors import InputError, shown
+from mrjax.recipe.size_checks import is_positive, refuse_tiny
+
+SHARES = np.array([0.0, 0.1, 0.5, 0.9, 1.0])
+"""Shares of the volume in particles below the nodes d0, d10, d50, d90 and d100."""
+WIDEST_RATIO = 1e3
+"""Largest d90 / d10: the widest powders have a hundred."""
+
+
+@dataclass(frozen=True)
+class Percentiles:
+    """Diameters below which a tenth, half and nine tenths of the volume of the particles are.
+
+    Args:
+      d10: m.
+      d50: m.
+      d90: m.
+
+    Raises:
+      InputError: no diameters, or none that ascend.
+    """
+
+    d10: float
+    d50: float
+    d90: float
+
+    def __post_init__(self) -> None:
+        for name, value in vars(self).items():
+            if not is_positive(value):
+                raise InputError(
+                    f"{name} = {shown(value)}: must be a diameter in m, above zero, at most 1e30"
+                )
+            refuse_tiny(name, value)
+        if not self.d10 < self.d50 < self.d90:
+            raise InputError(
+                f"d10, d50, d90 = {self.d10:g}, {self.d50:g}, {self.d90:g}: must ascend; without "
+                "spread, give the diameter alone"
+            )
+        if self.d90 > WIDEST_RATIO * self.d10:
+            raise InputError(
+                f"d90 = {self.d90:g}: more than {WIDEST_RATIO:g} times d10 = {self.d10:g}; give "
+                "both in m"
+            )
+
+    @property
+    def mean_cube(self) -> float:
+        """Mean of d^3 over the particles, m^3."""
+        return 1.0 / float(np.sum(self._shares_of_power(-3)))
+
+    @property
+    def settling_diameter(self) -> float:
+        """Root of the mean of d^2 by volume, m: of Stokes' velocity of the mean particle by mass."""
+        return math.sqrt(float(np.sum(self._shares_of_power(2))))
+
+    def sample(self, particles: int) -> np.ndarray:
+        """Diameters of that many particles, (N,) in m, ascending."""
+        numbers, nodes = self._shares_of_power(-3), self._nodes()
+        upto = np.concatenate([[0.0], np.cumsum(numbers)])
+        wanted = (np.arange(particles) + 0.5) / particles * upto[-1]
+        row = np.clip(np.searchsorted(upto, wanted, side="right") - 1, 0, len(numbers) - 1)
+        inside = (wanted - upto[row]) / numbers[row]
+        # The number below d is linear in d^-3 where the volume below d is linear in ln d.
+        lower, upper = nodes[row] ** -3.0, nodes[row + 1] ** -3.0
+        return (lower + inside * (upper - lower)) ** (-1.0 / 3.0)
+
+    def _nodes(self) -> np.ndarray:
+        """d0, d10, d50, d90 and d100, (5,) in m."""
+        least = self.d10 * (self.d10 / self.d50) ** 0.25
+        largest = self.d90 * (self.d90 / self.d50) ** 0.25
+        return np.array([least, self.d10, self.d50, self.d90, largest], float)
+
+    def _shares_of_power(self, power: int) -> np.ndarray:
+        """The mean of d^k by volume, as its four parts between the nodes, (4,) in m^k."""
+        nodes = self._nodes()
+        powers, logs = nodes ** float(power), np.log(nodes)
+        return np.diff(SHARES) * np.diff(powers) / (power * np.diff(logs))
