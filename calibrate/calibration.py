@@ -109,6 +109,7 @@ class Calibration:
             if forecasts is not None:
                 result[name] = report.forecasts(list(forecasts))
         return result | {
+            "notes": result["notes"] + self._contact_notes(),
             "experiment": self.experiment.name,
             "lab_sheets": {
                 sample.name: sample.recipe.model_dump(mode="json", exclude_none=True)
@@ -118,6 +119,15 @@ class Calibration:
             "begun_with": _name(self.options.begin_with),
             "seed": self.options.seed,
         }
+
+    def _contact_notes(self) -> list[str]:
+        """What was assumed for samples whose particles were run."""
+        return [
+            f"sample {sample.name}: {note}"
+            for sample in self.experiment.samples
+            if "particles" in (_name(self.options.model), sample.bed_fraction)
+            for note in sample.recipe.contact_notes
+        ]
 
     def write(self, folder: Path, result: dict[str, Any], pdf: bool, progress: bool) -> None:
         """Writes the report.

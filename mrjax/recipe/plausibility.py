@@ -162,7 +162,7 @@ def _refuse_factors(recipe: Suspension) -> None:
 
 
 def refuse_box(recipe: Suspension) -> None:
-    """Passes a stated box that its particles fit into, if it holds any.
+    """Passes a stated box that its particles fit into, and one that holds none.
 
     Raises:
       ValueError: its size, what is wrong and what to give.
@@ -178,6 +178,8 @@ def refuse_box(recipe: Suspension) -> None:
             f"box.size = {size}: holds {count:.3g} particles; give a smaller box, in m: 25 um "
             "is 25e-6"
         )
+    if count < 1:
+        return  # no particle of it is ever run
     diameter = recipe.largest_diameter
     for axis, length, periodic in zip(AXES, recipe.box.size, recipe.box.periodic, strict=True):
         if periodic and length < 2.0 * diameter:

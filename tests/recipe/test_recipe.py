@@ -551,9 +551,9 @@ def test_particles_as_dense_as_the_fluid_are_refused(refusal):
         assert words in message
 
 
-def test_a_box_for_less_than_one_particle_is_refused(refusal):
+def test_a_box_for_less_than_one_particle_is_refused_where_particles_are_run(load):
     # 0.01/7470 / (0.01/7470 + 0.99/950) = 0.00128 of 5^3 um^3 against 33.5 um^3.
-    message = refusal(
+    recipe = load(
         edited(
             CASE2,
             ("particle = 0.80", "particle = 0.01"),
@@ -561,14 +561,18 @@ def test_a_box_for_less_than_one_particle_is_refused(refusal):
             (SIZE, "size = [5e-6, 5e-6, 5e-6]"),
         )
     )
+    with pytest.raises(mrjax.InputError) as refusal:
+        mrjax.disperse(recipe)
     for words in ("box.size = [5e-06, 5e-06, 5e-06]", "0.00128", "less than one", "larger box"):
-        assert words in message
+        assert words in str(refusal.value)
 
 
-def test_a_missing_table_is_named(refusal):
-    message = refusal(CASE3[: CASE3.index("[box]")])
-    assert message.startswith("box is missing")
-    assert "[box] with size in m" in message
+def test_a_box_may_be_missing_and_another_table_is_named(refusal, load):
+    assert load(CASE3[: CASE3.index("[box]")]).particle_count == 300
+    message = refusal(edited(CASE3, ("[fluid] ", "[wall] "), ("density = 950.0", ""),
+                             ("viscosity = 0.01", "")))  # fmt: skip
+    assert message.startswith("fluid is missing")
+    assert "give a table [fluid]" in message
 
 
 @pytest.mark.parametrize(
