@@ -33,7 +33,9 @@ def fluid(sheet: Fluid, temperature: float) -> Fluid:
         )
     found = sheet.model_copy()
     of_water = {"density": water.density, "viscosity": water.viscosity}
-    found.assume(**{key: law(temperature) for key, law in of_water.items() if key not in sheet.stated})
+    found.assume(
+        **{key: law(temperature) for key, law in of_water.items() if key not in sheet.stated}
+    )
     return found
 
 

@@ -67,7 +67,9 @@ class Composition(Sheet):
         """The stated keys with some changed; another way takes the place of the one before."""
         if any(changes.get(key) is not None for key in ALONE):
             return changes
-        if not self.by_weight and any(changes.get(key) is not None for key in ("particle", "fluid")):
+        if not self.by_weight and any(
+            changes.get(key) is not None for key in ("particle", "fluid")
+        ):
             return changes
         return super().changed(changes)
 

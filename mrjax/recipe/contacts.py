@@ -22,7 +22,7 @@ def missing(recipe: Suspension) -> str | None:
     if recipe.particle_count < 1:
         return (
             f"box.size = {list(recipe.box.size)}: holds {recipe.volume_fraction:.3g} of its volume "
-            "in particles, less than one particle; give a larger box, or none for one that is chosen"
+            "in particles, less than one particle; give a larger box, or none to have one chosen"
         )
     return None
 

@@ -1,8 +1,8 @@
 """Moduli of a kind of material, for a sheet that states none.
 
 Handbook values of one common material of each kind, at room temperature: Callister & Rethwisch,
-Materials Science and Engineering, 8th ed., Appendix B, Tables B.2 and B.3. They hold within a factor
-of about three for others of the kind. Runs to rest soften contacts by far more.
+Materials Science and Engineering, 8th ed., Appendix B, Tables B.2 and B.3. Others of the kind have
+moduli within a factor of about three. Runs to rest soften contacts by far more.
 """
 
 from typing import NamedTuple

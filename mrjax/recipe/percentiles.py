@@ -61,7 +61,7 @@ class Percentiles:
 
     @property
     def settling_diameter(self) -> float:
-        """Root of the mean of d^2 by volume, m: of Stokes' velocity of the mean particle by mass."""
+        """Root of the mean of d^2 by volume, m: its Stokes velocity is the mean by mass."""
         return math.sqrt(float(np.sum(self._shares_of_power(2))))
 
     def sample(self, particles: int) -> np.ndarray:

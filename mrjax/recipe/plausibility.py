@@ -40,17 +40,17 @@ def refuse_implausible(recipe: Suspension) -> None:
 
 def notes(recipe: Suspension) -> list[str]:
     """Remarks on what does not add up, though it can be simulated."""
-    if not recipe.coating or not recipe.composition.by_weight:
+    weight, held = recipe.composition.particle, recipe.composition.coating
+    if not recipe.coating or weight is None:
         return []
     layer = recipe.coating.density * (recipe.radius_factor**3 - 1.0)
-    needed = recipe.composition.particle * layer / recipe.particle.density
-    if needed <= recipe.composition.coating * (1 + 1e-9):
+    needed = weight * layer / recipe.particle.density
+    if needed <= held * (1 + 1e-9):
         return []
-    available = recipe.composition.coating / recipe.composition.particle
-    largest = (1.0 + available * recipe.particle.density / recipe.coating.density) ** (1 / 3)
+    largest = (1.0 + held / weight * recipe.particle.density / recipe.coating.density) ** (1 / 3)
     return [
         f"a coating of radius_factor {recipe.radius_factor:g} takes {needed:.2%} of the weight, "
-        f"the composition holds {recipe.composition.coating:.2%}, enough for {largest:.3f}"
+        f"the composition holds {held:.2%}, enough for {largest:.3f}"
     ]
 
 

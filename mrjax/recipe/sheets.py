@@ -24,6 +24,9 @@ SMALLEST, LARGEST = 1e-30, 1e30
 LONGEST_NAME, LONGEST_PATH = 200, 1000
 """Characters."""
 
+UNSTATED: Any = None
+"""Default of a key that `Sheet.assume` fills in where it is not stated, so that it has a value."""
+
 
 class Sheet(BaseModel):
     """A table of a TOML file: known keys only, numbers that are numbers, frozen once read.

@@ -55,7 +55,7 @@ class Classes:
 
     @property
     def settling_diameter(self) -> float:
-        """Root of the mean of d^2 by volume, m: of Stokes' velocity of the mean particle by mass."""
+        """Root of the mean of d^2 by volume, m: its Stokes velocity is the mean by mass."""
         return math.sqrt(self._mean_power(5) / self._mean_power(3))
 
     def sample(self, particles: int) -> np.ndarray:
@@ -121,7 +121,7 @@ class LogNormal:
 
     @property
     def settling_diameter(self) -> float:
-        """Root of the mean of d^2 by volume, m: of Stokes' velocity of the mean particle by mass."""
+        """Root of the mean of d^2 by volume, m: its Stokes velocity is the mean by mass."""
         return self.number_median * math.exp(4.0 * self._log_spread**2)
 
     def sample(self, particles: int) -> np.ndarray:

@@ -14,7 +14,7 @@ from mrjax.laws import drag, particle
 from mrjax.laws.hindrance import Hindrance
 from mrjax.recipe import tables
 from mrjax.recipe.composition import Composition, Phases
-from mrjax.recipe.sheets import Name, Sheet
+from mrjax.recipe.sheets import UNSTATED, Name, Sheet
 from mrjax.recipe.tables import Coating, Contact, Drag, Fluid, Particle, Wall
 
 MOST_PARTICLES = 10**7
@@ -35,7 +35,7 @@ class Suspension(Sheet):
     drag: Drag = Field(default=Drag(), description="a table [drag]")
     contact: Contact = Field(default=Contact(), description="a table [contact]")
     box: Annotated[Box, BeforeValidator(tables.box)] = Field(
-        default=None, description="a table [box] with size in m"
+        default=UNSTATED, description="a table [box] with size in m"
     )
     temperature: float = Field(
         default=293.15, gt=0, le=1e4, description="the temperature in K: 20 degrees are 293.15"

@@ -11,7 +11,7 @@ from mrjax.core.errors import InputError, shown, shown_key
 from mrjax.laws import drag
 from mrjax.recipe import sheets, sizes
 from mrjax.recipe.materials import MATERIALS
-from mrjax.recipe.sheets import Sheet
+from mrjax.recipe.sheets import UNSTATED, Sheet
 from mrjax.recipe.size_checks import refuse_tiny
 from mrjax.recipe.sizes import Sizes
 
@@ -85,10 +85,10 @@ class Fluid(Sheet):
     """
 
     density: float = Field(
-        default=None, gt=0, le=1e5, description="the density in kg/m^3, above zero"
+        default=UNSTATED, gt=0, le=1e5, description="the density in kg/m^3, above zero"
     )
     viscosity: float = Field(
-        default=None, ge=1e-9, le=1e15, description="the viscosity in Pa s, above zero"
+        default=UNSTATED, ge=1e-9, le=1e15, description="the viscosity in Pa s, above zero"
     )
     liquid: Literal["water"] | None = Field(default=None, description='"water"')
 

@@ -130,5 +130,5 @@ def test_a_column_does_without_moduli():
     known = mrjax.column(chalk(**MODULI).parameters(), **tube, cells=20)
     found = mrjax.column(recipe.parameters(), **tube, cells=20)
     np.testing.assert_array_equal(found.mudline, known.mudline)
-    with pytest.raises(mrjax.InputError, match="^viscosity = nan must be"):
+    with pytest.raises(mrjax.InputError, match=r"^viscosity = nan must be"):
         mrjax.column(recipe.parameters().replace(viscosity=np.nan), **tube, cells=20)

@@ -46,6 +46,49 @@ def test_the_cost_of_a_run_to_rest_is_about_right(name, steps, seconds):
     assert found["duration of a run to rest, about"] == near(seconds, rel=0.2)
 
 
+CHALK = mrjax.Recipe(
+    name="chalk",
+    particle={"density": 2150.0, "diameter": 2e-5},
+    fluid={"density": 1000.0, "viscosity": 0.001},
+    composition={"particle": 0.085, "fluid": 0.915},
+)
+OF_CONTACTS = {
+    *("rayleigh_time", "time_step", "softening", "time_step_to_rest", "duration_to_rest"),
+    *("steps_to_rest", "wall_time_to_rest"),
+}
+
+
+def test_what_only_contacts_have_is_left_out_where_moduli_are_missing():
+    stone = CHALK.replace(particle={"material": "mineral"})
+    whole = {one.key: one for one in derived.derived(stone)}
+    found = {one.key: one for one in derived.derived(CHALK)}
+    assert whole.keys() - found.keys() == OF_CONTACTS
+    assert all(found[key] == whole[key] for key in found)
+    assert found["settling_velocity"].value == near(
+        # 2/9 (2150 - 1000) 9.81 (1e-5)^2 / 0.001 over f_w, Eq. 14 at 0.0414.
+        86400e3 * 2.507e-4 / found["f_w"].value,
+        rel=1e-6,
+    )
+    box, left_out = derived.notes(CHALK)
+    assert box.startswith("no box is given: one of ") and "300 particles" in box
+    assert left_out.startswith("times and steps of contacts are left out: particle.elastic_modulus")
+    assumed, same_box = derived.notes(stone)
+    assert same_box == box and "assumed for a mineral" in assumed
+
+
+def test_what_only_contacts_have_is_left_out_where_a_box_holds_no_particle():
+    dilute = CHALK.replace(
+        particle={"elastic_modulus": 70e9, "poisson_ratio": 0.25},
+        composition={"volume_fraction": 1e-6},
+        box={"size": [1.2e-4, 1.2e-4, 2.4e-4]},
+    )
+    found = {one.key: one.value for one in derived.derived(dilute)}
+    assert not OF_CONTACTS & found.keys()
+    assert found["particles"] == 0 and found["largest_diameter"] == near(20.0, rel=1e-12)
+    (left_out,) = derived.notes(dilute)
+    assert "box.size = [0.00012, 0.00012, 0.00024]: holds 1e-06 of its volume" in left_out
+
+
 def test_contacts_too_viscous_for_any_step_are_refused(case2):
     viscous = case2.replace(
         gravity=1e9, contact={"dissipation": 1e3}, drag={"f_w": 1e-6, "f_s": 1e-6, "f_v": 1e-6}

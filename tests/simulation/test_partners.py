@@ -160,6 +160,19 @@ def test_what_is_sent_arrives_to_the_last_bit(sent):
     assert arrived.notes == recipe.notes and arrived.parameters() == recipe.parameters()
 
 
+def test_what_a_recipe_leaves_to_be_assumed_is_not_taken_for_stated():
+    recipe = mrjax.Recipe(
+        name="chalk",
+        particle={"density": 2150.0, "diameter": [1e-5, 2e-5], "material": "mineral"},
+        fluid={"liquid": "water"},
+        composition={"solids_ratio": 0.1},
+    )
+    arrived = messages.decode(messages.encode([recipe]))[0]
+    assert arrived == recipe and arrived.stated == recipe.stated
+    assert (arrived.notes, arrived.contact_notes) == (recipe.notes, recipe.contact_notes)
+    assert len(arrived.notes) == 1 and len(arrived.contact_notes) == 2
+
+
 def test_nothing_that_is_sent_is_run(tmp_path):
     class Harmful:
         def __reduce__(self):
