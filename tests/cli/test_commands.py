@@ -184,11 +184,18 @@ def test_a_new_recipe_is_commented_and_its_options_work(tmp_path):
     # All at once, and room for the coating.
     lines = text.replace("#? ", "").replace("particle = 0.80", "particle = 0.784").splitlines()
     diameters = [line for line in lines if line.startswith("diameter")]
-    assert text.count("#? ") > 20 and len(diameters) == 4
-    for diameter in diameters:
-        chosen = [line for line in lines if line == diameter or line not in diameters]
-        (tmp_path / "all.toml").write_text("\n".join(chosen))
-        Recipe.load(tmp_path / "all.toml")
+    weights = [line for line in lines if line.split(" ")[0] in ("particle", "fluid", "coating")]
+    alone = ("volume_fraction", "concentration", "solids_ratio")
+    ways = [weights, *([line] for line in lines if line.startswith(alone))]
+    assert text.count("#? ") > 20 and len(diameters) == 5
+    assert len(weights) == 3 and len(ways) == 4
+    for way in ways:
+        for diameter in diameters:
+            dropped = {*diameters, *sum(ways, [])} - {diameter, *way}
+            chosen = [line for line in lines if line not in dropped]
+            (tmp_path / "all.toml").write_text("\n".join(chosen))
+            found = Recipe.load(tmp_path / "all.toml")
+            assert found.volume_fraction == pytest.approx(0.33, abs=0.03)
     status, _, err = run("new", "mine.toml", folder=tmp_path)
     assert status == 2 and "is there already" in err
     status, _, err = run("new", "nowhere/mine.toml", folder=tmp_path)
@@ -208,6 +215,26 @@ def test_check_shows_what_follows(tmp_path):
     assert run("check", "case3", "--quiet", folder=tmp_path) == (0, "", "")
     status, out, err = run("check", "case4", folder=tmp_path)
     assert status == 2 and err.startswith("mrjax: case4: no such file")
+
+
+def test_a_sheet_without_moduli_or_box_is_checked_and_not_simulated(tmp_path):
+    sheet = """
+    name = "chalk"
+    particle = {density = 2150.0, diameter = 2e-5}
+    fluid = {liquid = "water"}
+    composition = {concentration = 89.0}
+    """
+    (tmp_path / "chalk.toml").write_text(sheet)
+    status, out, err = run("check", "chalk.toml", folder=tmp_path)
+    assert (status, err) == (0, "")
+    assert "settling velocity (Eq. 27)" in out and "Rayleigh time" not in out
+    water, box, left_out = [line for line in out.splitlines() if line.startswith("Note: ")]
+    assert water.startswith("Note: water at 293.15 K") and "is chosen for 300 particles" in box
+    assert "left out: particle.elastic_modulus is missing" in left_out
+    status, out, err = run("simulate", "chalk.toml", folder=tmp_path)
+    assert (status, out, err.count("\n")) == (2, "", 1)
+    assert err.startswith("mrjax: recipe 'chalk': particle.elastic_modulus is missing")
+    assert not (tmp_path / "run").exists()
 
 
 def test_what_is_beyond_the_model_is_told_on_standard_error_whatever_is_printed(tmp_path):
