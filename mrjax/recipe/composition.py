@@ -11,8 +11,8 @@ WEIGHTS = ("particle", "fluid", "coating")
 ALONE = ("volume_fraction", "concentration", "solids_ratio")
 """Keys that are a way each."""
 WAYS = (
-    "weight fractions particle, fluid (and coating), volume_fraction, concentration in kg/m^3, or "
-    "solids_ratio in kg of particles per kg of fluid"
+    "weight fractions particle and fluid (and coating), volume_fraction, concentration (kg/m^3), "
+    "or solids_ratio (kg of particles per kg of fluid)"
 )
 """The ways, as messages list them."""
 
@@ -110,11 +110,12 @@ class Composition(Sheet):
     def _one_way(self) -> Self:
         alone = [key for key in ALONE if getattr(self, key) is not None]
         weights = [key for key in WEIGHTS if getattr(self, key)]
-        if len(alone) + bool(weights) != 1:
-            stated = " and ".join([*weights, *alone]) or "nothing"
+        if not alone and not weights:
+            raise ValueError(f"composition: states no amount of particles; give one of {WAYS}")
+        if len(alone) + bool(weights) > 1:
+            found = " and ".join(f"{key} = {getattr(self, key):g}" for key in [*weights, *alone])
             raise ValueError(
-                f"composition states {stated}: it is stated in one way, and in one alone; give "
-                f"either {WAYS}"
+                f"composition.{found}: stated in more than one way; keep one of {WAYS}"
             )
         for key in ("particle", "fluid") if weights else ():
             if getattr(self, key) is None:

@@ -5,7 +5,7 @@ A suspension as a whole, its drag and its velocity, can do without; a run of par
 
 from mrjax.core.errors import InputError
 from mrjax.recipe.materials import MATERIALS
-from mrjax.recipe.suspension import Suspension
+from mrjax.recipe.suspension import MOST_PARTICLES, Suspension
 from mrjax.recipe.tables import MODULI, Coating, Particle
 
 
@@ -19,9 +19,15 @@ def missing(recipe: Suspension) -> str | None:
                 f"{table}.{key} is missing, which particles in contact need; give "
                 f"{type(surface).model_fields[key].description}, or {table}.material = {materials}"
             )
-    if recipe.particle_count < 1:
+    count, size = recipe.particle_count, list(recipe.box.size)
+    if count > MOST_PARTICLES:
         return (
-            f"box.size = {list(recipe.box.size)}: holds {recipe.volume_fraction:.3g} of its volume "
+            f"box.size = {size}: holds {count:.3g} particles, more than can be run; give a smaller "
+            "box, in m: 25 um is 25e-6"
+        )
+    if count < 1:
+        return (
+            f"box.size = {size}: holds {recipe.volume_fraction:.3g} of its volume "
             "in particles, less than one particle; give a larger box, or none to have one chosen"
         )
     return None

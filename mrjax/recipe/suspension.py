@@ -84,9 +84,10 @@ class Suspension(Sheet):
     def diameters(self) -> np.ndarray:
         """Diameters of the uncoated particles in the box, (N,) in m; ascending.
 
-        Where the box holds no particle, those of as many as a chosen box holds.
+        Where the box holds none, or more than can be run, those of as many as a chosen box holds.
         """
-        diameter, count = self.particle.diameter, self.particle_count or CHOSEN_PARTICLES
+        diameter, count = self.particle.diameter, self.particle_count
+        count = count if 1 <= count <= MOST_PARTICLES else CHOSEN_PARTICLES
         return np.full(count, diameter) if isinstance(diameter, float) else diameter.sample(count)
 
     @property

@@ -191,7 +191,7 @@ def test_a_new_recipe_is_commented_and_its_options_work(tmp_path):
     assert len(weights) == 3 and len(ways) == 4
     for way in ways:
         for diameter in diameters:
-            dropped = {*diameters, *sum(ways, [])} - {diameter, *way}
+            dropped = {*diameters, *(line for other in ways for line in other)} - {diameter, *way}
             chosen = [line for line in lines if line not in dropped]
             (tmp_path / "all.toml").write_text("\n".join(chosen))
             found = Recipe.load(tmp_path / "all.toml")

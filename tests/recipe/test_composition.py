@@ -85,18 +85,18 @@ def test_what_is_denser_than_close_packing_is_told_what_would_do(composition, sh
 
 
 WRONG = {
-    "nothing": ({}, "composition states nothing: it is stated in one way"),
+    "nothing": ({}, "composition: states no amount of particles; give one of"),
     "two ways": (
         {"volume_fraction": 0.04, "concentration": 89.0},
-        "composition states volume_fraction and concentration: it is stated in one way",
+        "composition.volume_fraction = 0.04 and concentration = 89: stated in more than",
     ),
     "weights and another": (
         {"particle": 0.085, "fluid": 0.915, "solids_ratio": 0.09},
-        "composition states particle and fluid and solids_ratio: it is stated in one way",
+        "composition.particle = 0.085 and fluid = 0.915 and solids_ratio = 0.09: stated in",
     ),
     "coating and another": (
         {"coating": 0.01, "volume_fraction": 0.04},
-        "composition states coating and volume_fraction: it is stated in one way",
+        "composition.coating = 0.01 and volume_fraction = 0.04: stated in more than one way",
     ),
     "particles alone": ({"particle": 0.085}, "composition.fluid is missing; give the weight"),
     "fluid alone": ({"fluid": 0.915}, "composition.particle is missing; give the weight"),
@@ -127,6 +127,6 @@ def test_a_wrong_composition_gets_one_line(composition, begins):
     message = str(refusal.value)
     assert message.startswith(begins), message
     assert "\n" not in message and len(message) <= 400
-    if "one way" in begins:
-        for way in ("particle, fluid", "volume_fraction", "concentration in kg/m^3", "solids_rat"):
+    if "one of" in message:
+        for way in ("particle and fluid", "volume_fraction", "concentration (kg/m^3)", "solids_r"):
             assert way in message

@@ -111,6 +111,20 @@ def test_a_box_that_holds_no_particle_is_refused_where_particles_are_run(diamete
     assert contacts.missing(mrjax.Recipe(**without)) is None
 
 
+def test_a_box_as_large_as_a_tube_is_refused_where_particles_are_run():
+    """0.04 of 2e-4 m^3 in particles of 4e-15 m^3."""
+    recipe = chalk(**MODULI).replace(box={"size": [0.02, 0.02, 0.5]})
+    several = recipe.replace(particle={"diameter": [1e-5, 2e-5]})
+    for one in (recipe, several):
+        assert np.isfinite(mrjax.terminal_velocity(one.parameters())).all()
+        with pytest.raises(mrjax.InputError) as refusal:
+            mrjax.disperse(one)
+        message = str(refusal.value)
+        for words in ("box.size = [0.02, 0.02, 0.5]: holds", "particles, more than can", "25e-6"):
+            assert words in message
+    assert "holds 1.91e+09 particles" in contacts.missing(recipe)
+
+
 @pytest.mark.parametrize("leaf", ["elastic_modulus", "poisson_ratio", "wall_elastic_modulus"])
 def test_a_run_of_particles_refuses_moduli_that_are_not_known(leaf, case2):
     state = mrjax.place(np.array([[1e-5, 1e-5, 1e-5], [2e-5, 1e-5, 1e-5]]))
