@@ -39,6 +39,25 @@ def test_a_calibration_holds_all_that_was_asked_for(fang, tmp_path):
     assert {"fit.json", "report.md", "report.html"} <= {path.name for path in tmp_path.iterdir()}
 
 
+@pytest.mark.parametrize("model, assumed", [("closed-form", 0), ("particles", 2)])
+def test_what_is_assumed_for_contacts_is_noted_where_particles_are_run(fang, model, assumed):
+    stated = fang.samples[0].recipe.stated
+    recipe = mrjax.Recipe(**{key: value for key, value in stated.items() if key != "box"})
+    moduli = {"elastic_modulus": None, "poisson_ratio": None, "material": "metal"}
+    recipe = recipe.replace(particle=moduli)
+    sample = dataclasses.replace(fang.samples[0], recipe=recipe)
+    done = calibrate_experiment(fang, Options("closed-form"))
+    problem = dataclasses.replace(
+        done.problem, experiment=dataclasses.replace(fang, samples=(sample, *fang.samples[1:]))
+    )
+    changed = dataclasses.replace(
+        done, experiment=problem.experiment, problem=problem, options=Options(model)
+    )
+    before, after = done.tables()["notes"], changed.tables()["notes"]
+    assert after[: len(before)] == before and len(after) == len(before) + assumed
+    assert all(note.startswith("sample A: ") for note in after[len(before) :])
+
+
 def test_of_a_fit_that_did_not_converge_nothing_is_derived(fang, monkeypatch):
     def stuck(*arguments, **options):
         problem, fit = fit_experiment(*arguments, **options)
