@@ -8,7 +8,14 @@ from importlib import resources
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, ValidationError, field_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails, PydanticCustomError
 
@@ -31,10 +38,23 @@ UNSTATED: Any = None
 class Sheet(BaseModel):
     """A table of a TOML file: known keys only, numbers that are numbers, frozen once read.
 
+    In Python None is as good as a key that is left out.
+
     Each field's description says what to give, and becomes the remedy in an error.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _none_is_not_stated(cls, table: Any) -> Any:
+        if not isinstance(table, dict):
+            return table
+        return {
+            key: value
+            for key, value in table.items()
+            if value is not None or key not in cls.model_fields
+        }
 
     @field_validator("*")
     @classmethod

@@ -74,6 +74,10 @@ def test_moduli_follow_a_material_that_is_replaced():
     polymer = metal.replace(particle={"material": "polymer"})
     assert polymer == chalk(material="polymer")
     assert chalk(**MODULI).replace(particle={"material": "polymer"}) == polymer
+    unstated = {"elastic_modulus": None, "poisson_ratio": None}
+    assert chalk(material="polymer", **unstated).stated == polymer.stated
+    again = mrjax.Recipe(**{**CHALK, "particle": {**CHALK["particle"], "elastic_modulus": None}})
+    assert again.particle.stated == chalk().particle.stated
     assert metal.replace(particle={"elastic_modulus": 1e9}).particle.poisson_ratio == 0.30
 
 
