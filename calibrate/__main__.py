@@ -140,6 +140,9 @@ def cli(
     from mrjax.io import files
 
     loaded = Experiment.load(experiment)
+    if not quiet and not as_json:
+        for name, one in loaded.data_as_understood.items():
+            echo(f"Sample {name}: {one.line}")
     _warn(loaded.warnings)  # before the work that it may save
     _refuse_options(model, begin_with, predict, like)
     asked = Options(model, begin_with, starts, seed, robust, posterior, leave_one_out)

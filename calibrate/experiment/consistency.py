@@ -41,18 +41,19 @@ def _refuse_twice(name: str, sample: Sample, names: list[str]) -> None:
 
 def refuse_a_file_twice(sheet: ExperimentSheet, folder: Path, source: str) -> None:
     """Refuses one curve for two samples: its readings would count twice."""
-    sample_of: dict[Path, str] = {}
+    sample_of: dict[tuple, str] = {}
     for sample in sheet.sample:
         if sample.curve is None:
             continue
-        path = (folder / sample.curve.file).resolve()
-        if path in sample_of:
+        columns = sample.curve.columns.model_dump_json()
+        readings = ((folder / sample.curve.file).resolve(), sample.curve.sheet, columns)
+        if readings in sample_of:
             raise InputError(
                 f"{source}: sample {sample.name!r}: curve.file = {sample.curve.file!r} is that of "
-                f"sample {sample_of[path]!r}, too, and its readings would count twice; give each "
-                "its own"
+                f"sample {sample_of[readings]!r}, too, and its readings would count twice; give "
+                "each its own"
             )
-        sample_of[path] = sample.name
+        sample_of[readings] = sample.name
 
 
 def odd_readings(sheet: ExperimentSheet, samples: tuple[Sample, ...], source: str) -> Iterator[str]:
@@ -60,7 +61,7 @@ def odd_readings(sheet: ExperimentSheet, samples: tuple[Sample, ...], source: st
     for table, sample in zip(sheet.sample, samples, strict=True):
         if table.curve is not None:
             try:
-                said = plausibility.refuse_senseless(sample, table.curve.time_unit)
+                said = plausibility.refuse_senseless(sample)
             except InputError as error:
                 raise InputError(f"{source}: sample {sample.name!r}: {error}") from None
             yield from (f"sample {sample.name!r}: {odd}" for odd in said)

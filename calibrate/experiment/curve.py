@@ -1,186 +1,158 @@
-"""A measured sedimentation curve: a CSV file of time against mudline or sedimentation ratio.
+"""A measured sedimentation curve: a file of times against mudline or sedimentation ratio.
 
-    time,mudline
+    time (h),mudline (mm)
     0,100
     1.5,92.1
 
-Units are declared in the experiment file; a third column, `standard_deviation`, gives each point
-its own error.
+Columns, units, delimiter and decimal mark are found in the file, or stated in the experiment file.
 """
 
-import csv
 import math
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import NamedTuple
 
-from pydantic import Field
-
-from calibrate.experiment.units import CURVES, HEIGHT_UNITS, RATIO_UNITS, TIME_UNITS, one_of
+from calibrate.experiment.curve_sheet import CurveSheet as CurveSheet
+from calibrate.experiment.readings import columns, decimals, rows
+from calibrate.experiment.readings.columns import Layout
+from calibrate.experiment.readings.points import Points, points
+from calibrate.experiment.readings.scatter import scatter
+from calibrate.experiment.readings.table import Table
+from calibrate.experiment.readings.times import Times, times
+from calibrate.experiment.readings.understood import Understood
+from calibrate.experiment.readings.values import Tube, Values, values
+from calibrate.experiment.units import TIME_UNITS
 from mrjax import InputError
 from mrjax.core.errors import shown
-from mrjax.io import reading
-from mrjax.recipe.sheets import LARGEST, SMALLEST, FileName, Sheet
 
 ERROR = "standard_deviation"
-MOST_BYTES = 10**7
-"""Size of a file beyond which it is no curve that anyone has measured."""
-MOST_POINTS = 100_000
-
-
-class CurveSheet(Sheet):
-    """The table of a curve: its file, and the units of its columns."""
-
-    file: FileName = Field(description="a CSV file, as a path from this file")
-    time_unit: Annotated[str, one_of(TIME_UNITS)] = Field(
-        description=f"one of {', '.join(TIME_UNITS)}"
-    )
-    unit: Annotated[str, one_of(HEIGHT_UNITS | RATIO_UNITS)] = Field(
-        description=f"of the mudline, one of {', '.join(HEIGHT_UNITS)}; of the ratio, 1 or %"
-    )
-    standard_deviation: float | None = Field(
-        default=None,
-        gt=0,
-        description="the uncertainty of every point in this unit, above zero",
-    )
 
 
 class Curve(NamedTuple):
-    """A measured curve; T points."""
+    """A measured curve; T readings in the order of their times, of which some may be equal."""
 
     observable: str
     """`mudline` or `sedimentation_ratio`."""
     times: list[float]
-    """Increasing, (T,) in s."""
+    """(T,) in s."""
     values: list[float]
     """(T,) in `unit`."""
     errors: list[float]
     """Standard deviations, (T,) in `unit`."""
     unit: str
     si: float
-    """One unit in SI."""
+    """One unit in SI: m of height, or as a ratio."""
+    rows: list[int]
+    """Numbers of the rows in the file, (T,)."""
+    understood: Understood
+    """How the file was read."""
 
 
-def read(sheet: CurveSheet, folder: Path) -> Curve:
+def read(
+    sheet: CurveSheet,
+    folder: Path,
+    height: float | None = None,
+    tube_diameter: float | None = None,
+) -> Curve:
     """The curve of a sheet, every number checked.
+
+    Args:
+      sheet: the file, and what is stated of it.
+      folder: that of the experiment file, from which paths are.
+      height: of the suspension in m, which a clear layer needs, and readings without an error.
+      tube_diameter: inner diameter in m, which volumes need.
 
     Raises:
       InputError: the file, its header or a row cannot be used: the file, the line and the remedy.
     """
-    path = folder / sheet.file
-    rows = _rows(path)
-    columns = _columns(path, *next(rows, (1, [])), sheet)
-    observable = next(name for name in CURVES if name in columns)
-    times: list[float] = []
-    values: list[float] = []
-    errors: list[float] = []
-    for number, cells in rows:
-        at = f"{path}, line {number}"
-        if len(cells) != len(columns):
-            raise InputError(
-                f"{at}: has {len(cells)} cells for {len(columns)} columns; separate columns by "
-                "commas and write decimals with a point"
-            )
-        row = {name: _number(at, name, cell) for name, cell in zip(columns, cells, strict=True)}
-        error = row.get(ERROR, sheet.standard_deviation or math.nan)
-        for name in ("time", observable):
-            if row[name] < 0.0:
-                raise InputError(f"{at}: {name} = {row[name]:g} is negative; mend the row")
-        if not error > 0:
-            raise InputError(
-                f"{at}: {ERROR} = {error:g} must be above zero; give the error of the reading"
-            )
-        if times and not row["time"] > times[-1]:
-            raise InputError(
-                f"{at}: time = {row['time']:g} comes after {times[-1]:g}; sort the rows by time, "
-                "one for each time"
-            )
-        times.append(row["time"])
-        values.append(row[observable])
-        errors.append(error)
-        if len(times) > MOST_POINTS:
-            raise InputError(f"{at}: comes after {MOST_POINTS} rows; give fewer readings")
-    if len(times) < 2:
-        raise InputError(f"{path}: has {len(times)} rows of numbers; give at least 2")
-    second = TIME_UNITS[sheet.time_unit]
+    table = _of_readings(rows.tables(sheet, folder), sheet, folder / sheet.file)
+    layout = columns.layout(table, sheet.columns, sheet.time_unit)
+    found = points(table, layout)
+    cells = [cell for point in found.points for cell in (point.time, point.reading, point.error)]
+    mark = decimals.decimal_mark(filter(None, cells), table.delimiter, sheet.decimal)
+    when = times([point.time for point in found.points], layout.time.heading, sheet, mark)
+    read = values(found.points, layout, sheet, Tube(height, tube_diameter), mark)
+    if min(when.seconds) == max(when.seconds):
+        raise InputError(f"{table.path}: has readings at one time alone; give a second time")
+    read, errors = _with_errors(read, when, height, table)
+    order = sorted(range(len(read.values)), key=lambda place: when.seconds[place])
+    when = when._replace(seconds=[when.seconds[place] for place in order])
+    read = read._replace(
+        values=[read.values[place] for place in order],
+        errors=[read.errors[place] for place in order],
+    )
+    understood = _understood(sheet, table, layout, found, when, read, errors, mark)
     return Curve(
-        observable,
-        [second * time for time in times],
-        values,
-        errors,
-        sheet.unit,
-        CURVES[observable][sheet.unit],
+        read.observable,
+        when.seconds,
+        read.values,
+        read.errors,
+        read.unit,
+        read.si,
+        [found.points[place].row.number for place in order],
+        understood,
     )
 
 
-def _rows(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """The cells of every line that is neither empty nor a comment, with its number."""
-    try:
-        content = reading.text(path, MOST_BYTES)
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such file; give the curve's CSV file") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: is not UTF-8 text; save the curve as a UTF-8 CSV") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from None
-    for number, line in enumerate(content.splitlines(), start=1):
-        if line.strip() and line.lstrip()[0] != "#":
-            yield number, _cells(path, number, line)
+def _of_readings(tables: list[Table], sheet: CurveSheet, path: Path) -> Table:
+    """The one table of a file that has times and readings."""
+    if len(tables) == 1:
+        return tables[0]
+    found = [one for one in tables if columns.has_readings(one, sheet.columns)]
+    if len(found) != 1:
+        names = ", ".join(shown(one.facts["sheet"]) for one in (found or tables)[:4])
+        fault = "several sheets of readings" if found else "no sheet with a time and a mudline"
+        raise InputError(f"{path}: has {fault}: {names}; state sheet, or give each its header")
+    return found[0]
 
 
-def _cells(path: Path, number: int, line: str) -> list[str]:
-    try:
-        (row,) = csv.reader([line], strict=True)
-    except csv.Error as error:
+def _with_errors(
+    read: Values, when: Times, height: float | None, table: Table
+) -> tuple[Values, str]:
+    """Readings with errors, and whether these are stated or estimated."""
+    if not any(map(math.isnan, read.errors)):
+        return read, "stated"
+    top = 1.0 / read.si if read.observable == "sedimentation_ratio" else (height or 0.0) / read.si
+    if not top:
         raise InputError(
-            f"{path}, line {number}: {error}; mend its quotation marks, or shorten it"
-        ) from None
-    return [cell.strip() for cell in row]
+            f"{table.path}: no point has an error; give {ERROR} in the experiment file, or a "
+            "column of it"
+        )
+    ordered = sorted(zip(when.seconds, read.values, strict=True))
+    error = scatter([time for time, _ in ordered], [value for _, value in ordered], top)
+    return read._replace(errors=[error] * len(read.values)), "estimated"
 
 
-def _columns(path: Path, number: int, header: list[str], sheet: CurveSheet) -> list[str]:
-    if len(header) == 1 and ";" in header[0]:
-        raise InputError(
-            f"{path}, line {number}: columns are separated by semicolons; save with commas, and "
-            "decimals with a point"
-        )
-    known = {"time", *CURVES, ERROR}
-    for name in header:
-        if name not in known:
-            raise InputError(
-                f"{path}, line {number}: column {shown(name)} is not known; the header is time, "
-                f"then mudline or sedimentation_ratio, then {ERROR} if points have their own"
-            )
-    of_height = [name for name in header if name in CURVES]
-    if "time" not in header or len(of_height) != 1 or len(set(header)) != len(header):
-        raise InputError(
-            f"{path}, line {number}: the header is {', '.join(header[:4]) or 'missing'}; "
-            f"give time and one of {' or '.join(CURVES)}"
-        )
-    if sheet.unit not in CURVES[of_height[0]]:
-        raise InputError(
-            f"{path}: unit = {sheet.unit!r} is none of a {of_height[0]}; give one of "
-            f"{', '.join(CURVES[of_height[0]])}"
-        )
-    if ERROR not in header and sheet.standard_deviation is None:
-        raise InputError(
-            f"{path}: no point has an error; give {ERROR} in the experiment file, or a column of it"
-        )
-    return header
-
-
-def _number(at: str, name: str, cell: str) -> float:
-    try:
-        value = float(cell)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(
-            f"{at}: {name} = {shown(cell)} is not a finite number; write decimals with a point, "
-            "and leave out rows without a reading"
-        )
-    if value and not SMALLEST <= abs(value) <= LARGEST:
-        raise InputError(
-            f"{at}: {name} = {value:g} must be 0, or between 1e-30 and 1e30; mend the row"
-        )
-    return value
+def _understood(
+    sheet: CurveSheet,
+    table: Table,
+    layout: Layout,
+    found: Points,
+    when: Times,
+    read: Values,
+    errors: str,
+    mark: str,
+) -> Understood:
+    """How the file was read, of readings in the order of their times."""
+    named = [one.named for one in layout.readings]
+    time = " and ".join(shown(one.named) for one in (layout.date, layout.time) if one)
+    used: dict[str, str] = {"time": time, layout.readings[0].role: " and ".join(map(shown, named))}
+    if layout.error is not None:
+        used[ERROR] = shown(layout.error.named)
+    told = [second / TIME_UNITS[when.unit] for second in (when.seconds[0], when.seconds[-1])]
+    return Understood(
+        file=sheet.file,
+        read_as=table.facts | ({"decimal": "decimal commas"} if mark == "," else {}),
+        columns=used,
+        observable=read.observable,
+        time_form=when.form,
+        time_unit=when.unit,
+        unit=read.unit,
+        readings=len(read.values),
+        first=(told[0], read.values[0]),
+        last=(told[1], read.values[-1]),
+        errors=errors,
+        standard_deviation=(min(read.errors), max(read.errors)),
+        ignored_columns=tuple(layout.ignored),
+        left_out=tuple(found.left_out),
+        row_word=table.word,
+    )

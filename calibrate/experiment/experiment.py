@@ -10,6 +10,7 @@ from jax.typing import ArrayLike
 from calibrate.experiment import plausibility
 from calibrate.experiment.consistency import odd_readings, refuse_a_file_twice, refuse_parameters
 from calibrate.experiment.free_parameters import FreeParameter, free_parameters
+from calibrate.experiment.readings.understood import Understood
 from calibrate.experiment.sample import Measurement as Measurement
 from calibrate.experiment.sample import Sample
 from calibrate.experiment.sample_reading import read_sample
@@ -82,6 +83,11 @@ class Experiment:
     def start(self) -> OrderedDict[str, float]:
         """The medians, by variable."""
         return OrderedDict((one.variable, one.start) for one in self.parameters)
+
+    @property
+    def data_as_understood(self) -> dict[str, Understood]:
+        """How the file of each curve was read, by sample."""
+        return {sample.name: sample.curve for sample in self.samples if sample.curve is not None}
 
     def varied(self, sample: Sample) -> tuple[str, ...]:
         """Names of what is fitted of a sample."""

@@ -2,67 +2,115 @@
 
 A mudline begins at the height of the suspension, is never above it nor below what the particles
 alone would fill, and only falls. What is off by more than its error allows is refused; what may
-be right all the same, such as a reading a little off, is told as a warning.
+be right all the same, such as a first reading a little off, is told as a warning.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from calibrate.experiment.sample import Measurement, Sample
 from calibrate.experiment.suspension import Suspension
-from calibrate.experiment.units import CURVES, TIME_UNITS
+from calibrate.experiment.units import CURVES, TIME_UNITS, VOLUME_UNITS
 from mrjax import InputError, Recipe, terminal_velocity
 
 ERRORS = 3.0
 """Standard deviations by which a reading may be off."""
 SHARE = 0.02
-"""Of the height: as much is not refused at the start, or as a rise."""
+"""Of the height: as much is not refused at the start, nor of readings without a stated error."""
 ABSURD = 1e3
 """Factor on the speed that the recipe gives beyond which it is rather another unit."""
+FASTER_AT_FIRST = 100.0
+"""How many times faster than a single particle a suspension may fall before its first reading."""
 
 
-def refuse_senseless(sample: Sample, time_unit: str) -> list[str]:
+class Readings(NamedTuple):
+    """A curve beside its tube; T readings in the order of their times."""
+
+    sample: Sample
+    curve: list[Measurement]
+    ratio: np.ndarray
+    """Mudline over the height of the suspension, (T,)."""
+    error: np.ndarray
+    """Standard deviations of it, (T,)."""
+    times: np.ndarray
+    """(T,) in s."""
+
+    def said(self, place: int) -> str:
+        """A reading in words: its row, its value and its time."""
+        one = self.curve[place]
+        return f"{self._row(one)}{self.value(place)}"
+
+    def value(self, place: int) -> str:
+        """Value and time of a reading, as its file has them."""
+        one, file = self.curve[place], self.sample.curve
+        name = file.time_unit if file else "s"
+        unit = "" if one.unit == "1" else f" {one.unit}"
+        time = self.times[place] / TIME_UNITS[name]
+        return f"{one.observable} = {one.value:g}{unit} at {time:g} {name}"
+
+    def _row(self, one: Measurement) -> str:
+        file = self.sample.curve
+        return "" if file is None else f"{file.file}, {file.row_word} {one.row}: "
+
+
+def refuse_senseless(sample: Sample) -> list[str]:
     """Refuses readings of a curve that cannot be true; returns warnings about odd ones.
 
-    Args:
-      sample: with its measurements.
-      time_unit: that of its file, in which a reading is named.
-
     Raises:
-      InputError: a reading that cannot be: which, why, and what to mend.
+      InputError: a reading that cannot be: its row, its value, why, and what to mend.
     """
     curve = [one for one in sample.measurements if one.observable in CURVES]
     if not curve:
         return []
-    of_height = curve[0].observable == "sedimentation_ratio"
-    top = 1.0 if of_height else sample.height
-    ratio = np.array([one.value * one.si / top for one in curve])
-    error = np.array([one.standard_deviation * one.si / top for one in curve])
-    times = np.array([sample.times[one.place or 0] for one in curve])
-
-    def said(place: int) -> str:
-        one, time = curve[place], times[place] / TIME_UNITS[time_unit]
-        unit = "" if one.unit == "1" else f" {one.unit}"
-        return f"{one.observable} = {one.value:g}{unit} at {time:g} {time_unit}"
-
-    for place in np.flatnonzero(ratio - 1.0 > ERRORS * error)[:1]:
-        most = "1" if of_height else f"height = {sample.height:g} m"
-        raise InputError(
-            f"{said(place)} is above {most}, by more than its error; mend the reading, its unit"
-            f"{'' if of_height else ' or height'}"
-        )
+    readings = _beside_the_tube(sample, curve)
+    _refuse_above(readings)
     if not sinks(sample.recipe):
         return []  # what rises leaves its mudline below
-    odd = [*_start(said, ratio, error, times), *_rise(said, ratio, error)]
-    solids = sample.recipe.volume_fraction
-    for place in np.flatnonzero(solids - ratio > ERRORS * error)[:1]:
-        raise InputError(
-            f"{said(place)} is {ratio[place]:.3g} of the height, less than the particles alone "
-            f"would fill, {solids:.3g}; mend the unit, height or composition, or give the mudline "
-            "where the clear layer was read"
-        )
+    odd = _start(readings)
+    _refuse_rise(readings)
+    _refuse_below_particles(readings)
     return odd
+
+
+def _beside_the_tube(sample: Sample, curve: list[Measurement]) -> Readings:
+    of_height = curve[0].observable == "sedimentation_ratio"
+    top = 1.0 if of_height else sample.height
+    error = np.array([one.standard_deviation * one.si / top for one in curve])
+    if sample.curve is not None and sample.curve.errors != "stated":
+        error = np.full_like(error, SHARE / ERRORS)
+    return Readings(
+        sample,
+        curve,
+        np.array([one.value * one.si / top for one in curve]),
+        error,
+        np.array([sample.times[one.place or 0] for one in curve]),
+    )
+
+
+def _refuse_above(readings: Readings) -> None:
+    """Refuses a mudline above the suspension."""
+    ratio, error, first = readings.ratio, readings.error, readings.curve[0]
+    for place in np.flatnonzero(ratio - 1.0 > ERRORS * error)[:1]:
+        of_height = first.observable == "sedimentation_ratio"
+        most = "1" if of_height else f"height = {readings.sample.height:g} m"
+        tube = ", tube_diameter" if first.unit in VOLUME_UNITS else ""
+        raise InputError(
+            f"{readings.said(place)} is above {most}, by more than its error; mend the reading, "
+            f"its unit{'' if of_height else f'{tube} or height'}"
+        )
+
+
+def _refuse_below_particles(readings: Readings) -> None:
+    """Refuses a mudline below what the particles would fill without any liquid between them."""
+    ratio, solids = readings.ratio, readings.sample.recipe.volume_fraction
+    for place in np.flatnonzero(solids - ratio > ERRORS * readings.error)[:1]:
+        raise InputError(
+            f"{readings.said(place)} is {ratio[place]:.3g} of the height, less than the particles "
+            f"alone would fill, {solids:.3g}; mend the unit, height or composition, or give the "
+            "mudline where the clear layer was read"
+        )
 
 
 def sinks(recipe: Recipe) -> bool:
@@ -70,37 +118,52 @@ def sinks(recipe: Recipe) -> bool:
     return recipe.apparent_density > recipe.fluid.density
 
 
-def _start(
-    said: Callable[[int], str], ratio: np.ndarray, error: np.ndarray, times: np.ndarray
-) -> list[str]:
-    """Warns of a first reading, at time 0, that is below the height; refuses a large one."""
-    if times[0] > 0.0 or 1.0 - ratio[0] <= ERRORS * error[0]:
+def _start(readings: Readings) -> list[str]:
+    """Warns of a first reading, near time 0, that is below the height; refuses a large one."""
+    ratio, error, times = readings.ratio, readings.error, readings.times
+    low = 1.0 - ratio[0]
+    if low <= ERRORS * error[0] or low <= _fallen_at_most(readings.sample, float(times[0])):
         return []
     text = (
-        f"{said(0)} is {ratio[0]:.4g} of the height, where nothing has settled yet; mend height or "
-        "unit, or give the mudline where the clear layer was read"
+        f"{readings.said(0)} is {ratio[0]:.4g} of the height, where nothing has settled yet; mend "
+        "height or unit, or give the mudline where the clear layer was read"
     )
-    if 1.0 - ratio[0] > SHARE:
+    if low > SHARE:
         raise InputError(text)
     return [text]
 
 
-def _rise(said: Callable[[int], str], ratio: np.ndarray, error: np.ndarray) -> list[str]:
-    """Warns of a mudline that rises, at its largest rise; refuses a large one."""
+def _fallen_at_most(sample: Sample, time: float) -> float:
+    """Share of the height that a mudline may have fallen by a time."""
+    if time <= 0.0:
+        return 0.0
+    alone = sample.recipe.parameters().replace(f_w=1.0, f_s=1.0, f_v=1.0)
+    speed = float(np.max(np.abs(np.asarray(terminal_velocity(alone)))))
+    return FASTER_AT_FIRST * speed * time / sample.height
+
+
+def _refuse_rise(readings: Readings) -> None:
+    """Refuses a mudline that rises by more than its errors, at its largest rise.
+
+    Readings of one time count as their mean: two tubes may differ by more than the error of one.
+    """
+    times, first, group, count = np.unique(
+        readings.times, return_index=True, return_inverse=True, return_counts=True
+    )
+    ratio = np.bincount(group, readings.ratio) / count
+    error = np.bincount(group, readings.error) / count
     lowest = np.minimum.accumulate(ratio)
-    before = np.maximum.accumulate(np.where(ratio == lowest, np.arange(ratio.size), 0))
+    before = np.maximum.accumulate(np.where(ratio == lowest, np.arange(times.size), 0))
     rise = ratio - lowest
-    beyond = rise / (error + error[before])
+    stated = readings.sample.curve is None or readings.sample.curve.errors == "stated"
+    beyond = rise / (ERRORS * (error + error[before]) if stated else SHARE)
     place = int(np.argmax(beyond))
-    if beyond[place] <= ERRORS:
-        return []
-    text = (
-        f"{said(place)} is above {said(before[place])}, by more than their errors: a mudline only "
-        "falls; mend the reading, or give a larger standard_deviation"
-    )
-    if rise[place] > SHARE:
-        raise InputError(text)
-    return [text]
+    if beyond[place] > 1.0:
+        raise InputError(
+            f"{readings.said(first[place])} is above {readings.value(first[before[place]])}, by "
+            "more than their errors: a mudline only falls; mend the reading, or give a larger "
+            "standard_deviation"
+        )
 
 
 def oddities(samples: Sequence[Sample], suspensions: Iterable[Suspension]) -> Iterator[str]:
@@ -122,7 +185,8 @@ def oddities(samples: Sequence[Sample], suspensions: Iterable[Suspension]) -> It
 
 
 def _readings(sample: Sample) -> tuple:
-    return sample.measurements, sample.times, sample.recipe if not sample.times else None
+    measurements = [one._replace(row=None) for one in sample.measurements]
+    return measurements, sample.times, sample.recipe if not sample.times else None
 
 
 def _absurd_speed(sample: Sample, suspension: Suspension) -> Iterator[str]:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+from calibrate.experiment.readings.understood import Understood
 from mrjax import Recipe
 
 
@@ -21,7 +22,9 @@ class Measurement(NamedTuple):
     si: float
     """The unit in SI."""
     place: int | None = None
-    """Which point of the sample's curve this is."""
+    """Place of its time among those of the sample; None of what is no curve."""
+    row: int | None = None
+    """Row of its file."""
 
 
 @dataclass(frozen=True)
@@ -42,4 +45,6 @@ class Sample:
     measurements: tuple[Measurement, ...]
     """All that was measured on it."""
     times: tuple[float, ...] = ()
-    """Times of the points of its curve, (T,) in s."""
+    """Times of its curve, increasing, (T,) in s; several readings may be of one."""
+    curve: Understood | None = None
+    """How the file of its curve was read."""

@@ -28,18 +28,23 @@ def read_sample(
     recipe = _recipe(sheet, folder, source, recipes)
     measurements = _readings_at_one_time(sheet)
     times: tuple[float, ...] = ()
+    understood = None
     if sheet.curve:
         if sheet.height is None:
             raise InputError(
                 f"{source}: sample {shown(sheet.name)}: height is missing; give that of the "
                 "suspension in its tube in m, which a curve needs"
             )
-        read = curve.read(sheet.curve, folder)
-        times = tuple(read.times)
+        read = curve.read(sheet.curve, folder, sheet.height, sheet.tube_diameter)
+        times = tuple(sorted(set(read.times)))
+        place_of = {time: place for place, time in enumerate(times)}
         measurements += [
-            Measurement(read.observable, value, error, read.unit, read.si, place)
-            for place, (value, error) in enumerate(zip(read.values, read.errors, strict=True))
+            Measurement(read.observable, value, error, read.unit, read.si, place_of[time], row)
+            for time, value, error, row in zip(
+                read.times, read.values, read.errors, read.rows, strict=True
+            )
         ]
+        understood = read.understood
     if ratio := sheet.viscosity_ratio:
         measurements.append(
             Measurement("viscosity_ratio", ratio.value, ratio.standard_deviation, "1", 1.0)
@@ -51,6 +56,7 @@ def read_sample(
         sheet.bed_fraction,
         tuple(measurements),
         times,
+        understood,
     )
 
 

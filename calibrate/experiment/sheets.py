@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from calibrate.experiment.curve import CurveSheet
+from calibrate.experiment.curve_sheet import CurveSheet
 from calibrate.experiment.free_parameters import ParameterSheet
 from calibrate.experiment.units import RATIO_UNITS, VELOCITY_UNITS, one_of
 from mrjax.core.errors import shown
@@ -57,6 +57,9 @@ class SampleSheet(Sheet):
     height: float | None = Field(
         default=None, gt=0, description="of the suspension in its tube in m, above zero"
     )
+    tube_diameter: float | None = Field(
+        default=None, gt=0, description="inside, in m, above zero, for readings in mL"
+    )
     bed_fraction: float | Literal["particles"] | None = Field(
         default=None,
         description='the volume fraction of coated particles in the bed at rest, or "particles"',
@@ -68,7 +71,7 @@ class SampleSheet(Sheet):
         default=None, description="a table with value and standard_deviation"
     )
     curve: CurveSheet | None = Field(
-        default=None, description="a table with file, time_unit, unit and standard_deviation"
+        default=None, description="a table with file, and what is not to be found in it"
     )
     viscosity_ratio: ViscosityRatio | None = Field(
         default=None, description="a table with value and standard_deviation"

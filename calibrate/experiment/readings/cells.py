@@ -1,0 +1,92 @@
+"""One cell of a file: nothing, a number, or something else."""
+
+import math
+import re
+import unicodedata
+from typing import NamedTuple
+
+from mrjax import InputError
+from mrjax.core.errors import shown
+from mrjax.recipe.sheets import LARGEST, SMALLEST
+
+MISSING = frozenset(
+    [
+        *("", "-", "--", "---", "\N{EN DASH}", "\N{EM DASH}", ".", "nan", "-nan", "na", "n/a"),
+        *("n.a.", "#n/a", "null", "none", "nd", "n.d."),
+    ]
+)
+"""Cells that say that nothing was read."""
+_NUMBER = re.compile(
+    r"(?P<number>[+-]?(?:[0-9][0-9.,]*|[.,][0-9][0-9.,]*)(?:[eE][+-]?[0-9]+)?)"
+    r"\s*(?P<unit>[^\s0-9.,+-].*)?"
+)
+
+
+class Number(NamedTuple):
+    """A number as it is written, and the unit behind it."""
+
+    written: str
+    """With its decimal mark."""
+    unit: str
+    """The word behind it, "" if there is none."""
+
+
+class Cell(NamedTuple):
+    """A cell and where it is."""
+
+    at: str
+    """The file and the line."""
+    name: str
+    """What it is of, as messages say."""
+    text: str
+
+    def refuse(self, fault: str) -> InputError:
+        """The error of a fault, which names place, column and value."""
+        return InputError(f"{self.at}: {self.name} = {shown(self.text)} {fault}")
+
+
+def is_missing(text: str) -> bool:
+    """True if a cell says that nothing was read."""
+    return text.casefold() in MISSING
+
+
+def number(text: str) -> Number | None:
+    """The number of a cell; None if it begins with none."""
+    match = _NUMBER.fullmatch(unicodedata.normalize("NFKC", text).replace("\u2212", "-"))
+    return Number(match["number"], match["unit"] or "") if match else None
+
+
+def value(cell: Cell, written: str, mark: str) -> float:
+    """The number of a cell, checked.
+
+    Args:
+      cell: where it is.
+      written: its number.
+      mark: decimal mark, "." or ",".
+
+    Raises:
+      InputError: no number within what can be measured.
+    """
+    try:
+        found = float(written.replace(mark, "."))
+    except ValueError:
+        found = math.nan
+    if not math.isfinite(found):
+        raise cell.refuse(f"is not a finite number; {_remedy(mark)}")
+    if found and not SMALLEST <= abs(found) <= LARGEST:
+        raise InputError(
+            f"{cell.at}: {cell.name} = {found:g} must be 0, or between 1e-30 and 1e30; mend the row"
+        )
+    return found
+
+
+def not_a_number(cell: Cell) -> InputError:
+    """The error of a cell that holds something else."""
+    return cell.refuse(f"is not a finite number; {_remedy('.')}")
+
+
+def _remedy(mark: str) -> str:
+    named = "a point" if mark == "." else "a comma"
+    return (
+        f"write decimals with {named}, no thousands separators, and leave empty what was not read"
+    )

@@ -1,0 +1,256 @@
+"""The columns of a file: which holds times, readings, their errors, and which is left out."""
+
+from typing import NamedTuple, get_args
+
+from calibrate.experiment.curve_sheet import ColumnsSheet
+from calibrate.experiment.readings import headings, vocabulary
+from calibrate.experiment.readings.headings import OF_READINGS, Heading, Role, heading
+from calibrate.experiment.readings.rows import is_numbers
+from calibrate.experiment.readings.table import Row, Table
+from calibrate.experiment.units import TIME
+from mrjax import InputError
+from mrjax.core.errors import shown
+
+LOOKED_AT = 50
+"""Rows among which the header is."""
+STATED = "state columns, such as columns = {time = 1, mudline = 2}"
+
+
+class Column(NamedTuple):
+    """A column that is read."""
+
+    place: int
+    """From 0."""
+    heading: Heading
+    role: Role
+
+    @property
+    def named(self) -> str:
+        """Its name in messages and in the line of what was understood."""
+        return self.heading.written or f"column {self.place + 1}"
+
+
+class Layout(NamedTuple):
+    """What each column of a table holds, and the rows of readings."""
+
+    time: Column
+    date: Column | None
+    """The date of a time of day that has a column of its own."""
+    readings: list[Column]
+    """The mudline, once or with its repeats."""
+    error: Column | None
+    ignored: list[str]
+    """Headers of columns that are not read."""
+    width: int
+    """Number of columns."""
+    rows: list[Row]
+    """Rows below the header."""
+
+
+def layout(table: Table, stated: ColumnsSheet, time_unit: str | None) -> Layout:
+    """The columns of a table, from its header or as stated.
+
+    Raises:
+      InputError: a header without time or mudline, or that names two of them.
+    """
+    row, rows = _header(table, stated)
+    width = max((one.width for one in ([row] if row else rows[:1])), default=0)
+    units = rows[0] if row and rows and _is_units(rows[0]) else None
+    if units:
+        rows = rows[1:]
+    heads = [_heading(row, units, place) for place in range(width)]
+    at = table.at(row or (table.rows[0] if table.rows else Row(1, [])))
+    chosen = {role: _stated(role, stated, heads, at) for role in get_args(Role)}
+    if row is None and not any(chosen.values()):
+        if width != 2:
+            raise InputError(_no_header(table, at, width))
+        chosen |= {"time": [Column(0, heads[0], "time")]}
+        chosen |= {"mudline": [Column(1, heads[1], "mudline")]}
+    columns = [
+        Column(place, one, one.kind[0]) for place, one in enumerate(heads) if one.kind is not None
+    ]
+    time, date = _time(chosen["time"], columns, time_unit, at)
+    readings = [one for role in OF_READINGS for one in chosen[role]] or _readings(columns, at)
+    if time is None or not readings:
+        raise InputError(_without(heads, at, row is None))
+    errors = chosen["standard_deviation"]
+    errors = errors or [one for one in columns if one.role == "standard_deviation"]
+    if len(errors) > 1:
+        raise InputError(f"{at}: has {len(errors)} columns of errors; give one for all readings")
+    used = {one.place for one in (time, date, *readings, *errors) if one is not None}
+    ignored = [
+        one.written or f"column {place + 1}"
+        for place, one in enumerate(heads)
+        if place not in used and (one.written or row is None)
+    ]
+    return Layout(time, date, readings, errors[0] if errors else None, ignored, width, rows)
+
+
+def has_readings(table: Table, stated: ColumnsSheet) -> bool:
+    """True if a table has columns of times and readings."""
+    try:
+        return bool(layout(table, stated, None).rows)
+    except InputError:
+        return False
+
+
+def _header(table: Table, stated: ColumnsSheet) -> tuple[Row | None, list[Row]]:
+    """The header, which may be the last comment, and the rows below it."""
+    names = _names(stated)
+    for place, row in enumerate(table.rows[:LOOKED_AT]):
+        if is_numbers(row) and not (names and _accepts(row, stated, names)):
+            comment = table.last_comment
+            alike = place == 0 and comment is not None and comment.width == row.width
+            if alike and comment and _accepts(comment, stated, names):
+                return comment, table.rows
+            if place and not names and _by_number(stated):
+                return table.rows[place - 1], table.rows[place:]
+            return None, table.rows
+        if _accepts(row, stated, names):
+            return row, table.rows[place + 1 :]
+    if not table.rows:
+        return None, []
+    return table.rows[0], table.rows[1:]
+
+
+def _accepts(row: Row, stated: ColumnsSheet, names: list[str]) -> bool:
+    """True if a row has the stated names, and otherwise a time and a mudline."""
+    heads = [heading(cell) for cell in row.cells]
+    if not all(any(_is_named(one, name) for one in heads) for name in names):
+        return False
+    roles = {one.kind[0] for one in heads if one.kind is not None}
+    time = stated.time is not None or "time" in roles
+    reading = any(getattr(stated, role) is not None for role in OF_READINGS)
+    return time and (reading or bool(roles & set(OF_READINGS))) and bool(names or roles)
+
+
+def _heading(row: Row | None, units: Row | None, place: int) -> Heading:
+    """The heading of a column, with the unit of the row below the header."""
+    found = heading(row.cell(place)) if row else Heading("", "", "", False)
+    unit = headings.unit_of_cell(units.cell(place)) if units else ""
+    return found._replace(unit=unit, explicit=True) if unit and not found.unit else found
+
+
+def _is_units(row: Row) -> bool:
+    return all(map(headings.is_unit_cell, row.cells)) and not is_numbers(row)
+
+
+def _named(stated: ColumnsSheet, role: Role) -> list[str | int]:
+    given = getattr(stated, role)
+    if given is None:
+        return []
+    return given if isinstance(given, list) else [given]
+
+
+def _names(stated: ColumnsSheet) -> list[str]:
+    roles: tuple[Role, ...] = get_args(Role)
+    return [one for role in roles for one in _named(stated, role) if isinstance(one, str)]
+
+
+def _by_number(stated: ColumnsSheet) -> bool:
+    return any(_named(stated, role) for role in get_args(Role))
+
+
+def _is_named(head: Heading, name: str) -> bool:
+    """True if a header's cell is a stated name, whole or without its unit, in any case."""
+    plain = heading(name)
+    whole = " ".join(name.casefold().split())
+    return whole == head.written.casefold() or bool(
+        plain.name and plain.name == head.name and (not plain.unit or plain.unit == head.unit)
+    )
+
+
+def _stated(role: Role, stated: ColumnsSheet, heads: list[Heading], at: str) -> list[Column]:
+    """The columns that the experiment file states for a role."""
+    found: list[Column] = []
+    for given in _named(stated, role):
+        if isinstance(given, int):
+            places = [given - 1] if given <= len(heads) else []
+        else:
+            exact = [place for place, one in enumerate(heads) if one.written == given]
+            places = exact or [place for place, one in enumerate(heads) if _is_named(one, given)]
+        if not places or (len(places) > 1 and role not in OF_READINGS):
+            count = "no column" if not places else f"{len(places)} columns"
+            raise InputError(
+                f"{at}: columns.{role} = {shown(given)}: there is {count} of it; the header is "
+                f"{_listed(heads)}"
+            )
+        found += [Column(place, heads[place], _role(role, heads[place])) for place in places]
+    return found
+
+
+def _role(role: Role, head: Heading) -> Role:
+    """The role of a column that is stated as the mudline: its header may say the clear layer."""
+    said = head.kind
+    return said[0] if role == "mudline" and said and said[0] in OF_READINGS else role
+
+
+def _time(
+    stated: list[Column], columns: list[Column], time_unit: str | None, at: str
+) -> tuple[Column | None, Column | None]:
+    """The column of times, and that of dates where the time of day has its own."""
+    times = stated or [one for one in columns if one.role == "time"]
+    if len(times) < 2:
+        return (times[0] if times else None), None
+    dates = [one for one in times if not one.heading.words - vocabulary.DATE]
+    clocks = [one for one in times if not one.heading.of_dates]
+    if len(dates) == 1 and len(clocks) == 1 and not clocks[0].heading.unit:
+        return clocks[0], dates[0]
+    in_unit = [one for one in times if time_unit and TIME.named(one.heading.unit) == time_unit]
+    rank = min(one.heading.kind[1] for one in times if one.heading.kind)
+    best = [one for one in times if one.heading.kind and one.heading.kind[1] == rank]
+    if len(in_unit) == 1:
+        return in_unit[0], None
+    if len(best) > 1 and len({one.heading.unit for one in best}) < len(best):
+        raise InputError(
+            f"{at}: {_columns(best)} may be the time; state columns = {{time = "
+            f"{shown(best[0].named)}}}"
+        )
+    return best[0], None
+
+
+def _readings(columns: list[Column], at: str) -> list[Column]:
+    """The columns of the mudline: those that say it most plainly, which have one name."""
+    found = [one for one in columns if one.role in OF_READINGS]
+    rank = min((one.heading.kind[1] for one in found if one.heading.kind), default=0)
+    best = [one for one in found if one.heading.kind and one.heading.kind[1] == rank]
+    if len({one.heading.base for one in best}) > 1:
+        raise InputError(
+            f"{at}: {_columns(best)} may be the mudline; state columns = {{mudline = "
+            f"{shown(best[0].named)}}}, or a list of repeats"
+        )
+    return best
+
+
+def _columns(columns: list[Column]) -> str:
+    return "columns " + " and ".join(shown(one.named) for one in columns[:3])
+
+
+def _listed(heads: list[Heading]) -> str:
+    names = [shown(one.written) for one in heads[:4]]
+    return (", ".join(names) + (", ..." if len(heads) > 4 else "")) if any(names) else "missing"
+
+
+def _without(heads: list[Heading], at: str, missing: bool) -> str:
+    """The message about a header that lacks a time or a mudline."""
+    said = "missing" if missing or not heads else ", ".join(one.written for one in heads[:4])
+    said = said if len(said) <= 60 else shown(said)
+    return (
+        f"{at}: the header is {said}; give time and one of mudline or sedimentation_ratio, or "
+        f"{STATED}"
+    )
+
+
+def _no_header(table: Table, at: str, width: int) -> str:
+    """The message about numbers without a header that may be anything."""
+    if not table.rows:
+        return _without([], at, True)
+    if width < 2:
+        return (
+            f"{at}: has one column, {shown(table.rows[0].cells[0])}; separate times and readings "
+            "by commas, semicolons or tabs"
+        )
+    return (
+        f"{at}: has {width} columns and no header; write one above them, such as time,mudline, or "
+        f"{STATED}"
+    )

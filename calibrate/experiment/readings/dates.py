@@ -1,0 +1,207 @@
+"""Dates and clock times of cells.
+
+`hh:mm` is hours and minutes. A date is read by the order of its numbers: year first, day first or
+month first. A column that two orders can read is refused, unless `date_format` is stated.
+"""
+
+import re
+from collections.abc import Sequence
+from datetime import datetime, timedelta
+from itertools import takewhile
+
+from calibrate.experiment.readings.cells import Cell
+from mrjax import InputError
+from mrjax.core.errors import shown
+
+_CLOCK = re.compile(
+    r"(?P<sign>[-+]?)(?:(?P<days>[0-9]+)\s*(?:d|days?|tage?)[\s,]+)?"
+    r"(?P<hours>[0-9]{1,6}):(?P<minutes>[0-9]{1,2})(?::(?P<seconds>[0-9]{1,2}(?:[.,][0-9]+)?))?",
+    re.IGNORECASE,
+)
+_DATE = re.compile(
+    r"(?:[A-Za-z]{2,9}[.,]?\s+)?[0-9]{1,4}\s*[-/.]\s*[0-9]{1,2}\s*[-/.]\s*[0-9]{1,4}.*|"
+    r"[0-9]{1,2}[-.\s]+[A-Za-z]{3,9}[-.,\s]+[0-9]{2,4}.*|"
+    r"[A-Za-z]{3,9}[-.\s]+[0-9]{1,2}(?:st|nd|rd|th)?[-,.\s]+[0-9]{4}.*"
+)
+ORDERS = {
+    "year first": ("%Y-%m-%d",),
+    "day first": ("%d-%m-%Y", "%d-%m-%y", "%d-%b-%Y", "%d-%B-%Y", "%d-%b-%y"),
+    "month first": ("%m-%d-%Y", "%m-%d-%y", "%b-%d-%Y", "%B-%d-%Y"),
+    "short year first": ("%y-%m-%d",),
+}
+"""Formats of dates by the order of their numbers, with `-` for any mark between them."""
+TIMES = ("", " %H:%M", " %H:%M:%S", " %H:%M:%S.%f", " %I:%M %p", " %I:%M:%S %p")
+"""Formats of the time of day behind a date."""
+_DIRECTIVES = set("dmbBjyYHIMSfpzZaAT%")
+
+
+def is_clock_or_date(text: str) -> bool:
+    """True if a cell looks like a time of a clock or a date."""
+    return bool(_CLOCK.fullmatch(text) or _DATE.fullmatch(text))
+
+
+def is_clock(text: str) -> bool:
+    """True if a cell looks like hours, minutes and perhaps seconds."""
+    return _CLOCK.fullmatch(text) is not None
+
+
+def is_date(text: str) -> bool:
+    """True if a cell looks like a date, perhaps with the time of day."""
+    return _DATE.fullmatch(text) is not None
+
+
+def clock_seconds(cell: Cell, minutes_first: bool = False) -> float:
+    """Seconds of `hh:mm` or `hh:mm:ss`, or of `mm:ss` where minutes are first.
+
+    Raises:
+      InputError: minutes or seconds of 60 or more.
+    """
+    match = _CLOCK.fullmatch(cell.text)
+    if match is None:
+        raise cell.refuse("is no time such as 1:30 or 01:30:00, as others are; mend the row")
+    first, second = int(match["hours"]), int(match["minutes"])
+    third = float((match["seconds"] or "0").replace(",", "."))
+    if second >= 60 or third >= 60:
+        raise cell.refuse(
+            "has 60 minutes or seconds or more; write hh:mm or hh:mm:ss, or numbers with a unit"
+        )
+    seconds = 60.0 * first + second if minutes_first else 3600.0 * first + 60.0 * second + third
+    seconds += 86400.0 * int(match["days"] or 0)
+    return -seconds if match["sign"] == "-" else seconds
+
+
+def dates(cells: Sequence[Cell], stated: str | None) -> list[datetime]:
+    """The dates of a column, (T,).
+
+    Args:
+      cells: of one column.
+      stated: format, such as `%d/%m/%Y %H:%M` or `DD/MM/YYYY hh:mm`.
+
+    Raises:
+      InputError: a cell that is no date, or can be read two ways.
+    """
+    if stated is not None:
+        return [_of_format(cell, strptime_format(stated)) for cell in cells]
+    orders = _orders(cells)
+    readable: dict[str, list[datetime]] = {}
+    for order, formats in orders.items():
+        parsed = takewhile(bool, (_parsed(_plain(cell.text), formats) for cell in cells))
+        found = [one for one in parsed if one is not None]
+        if len(found) == len(cells):
+            readable[order] = found
+    if not readable:
+        raise _of_no_order(cells, orders)
+    one, *others = readable.items()
+    for order, found in others:
+        for cell, first, second in zip(cells, one[1], found, strict=True):
+            if first != second:
+                raise cell.refuse(
+                    f"can be read {one[0]} ({first:%Y-%m-%d}) or {order} ({second:%Y-%m-%d}); "
+                    'state date_format, such as "%d/%m/%Y" or "%m/%d/%Y"'
+                )
+    return one[1]
+
+
+def strptime_format(stated: str) -> str:
+    """A stated format as `strptime` takes it: `%d.%m.%Y`, or with letters, `DD.MM.YYYY hh:mm`.
+
+    Raises:
+      InputError: a format without day or month, or with a directive that is not known.
+    """
+    made = stated
+    if "%" not in stated:
+        for letters, directive in (
+            ("(?<=:)mm?", "%M"),
+            ("yyyy", "%Y"),
+            ("yy", "%y"),
+            ("(?<!%)mmm", "%b"),
+            ("(?<!%)mm?", "%m"),
+            ("(?<!%)dd?", "%d"),
+            ("hh?", "%H"),
+            ("ss?", "%S"),
+        ):
+            made = re.sub(f"(?<!%){letters}", directive, made, flags=re.IGNORECASE)
+    asked = set(re.findall("%(.?)", made))
+    whole = asked & {"d", "j"} and asked & {"m", "b", "B", "j"} and asked & {"y", "Y"}
+    if not whole or not asked <= _DIRECTIVES:
+        raise InputError(
+            f'date_format = {shown(stated)}: must have day, month and year, as "%d/%m/%Y" or '
+            '"%d/%m/%Y %H:%M"'
+        )
+    return made
+
+
+def _orders(cells: Sequence[Cell]) -> dict[str, list[str]]:
+    """Formats, with those of the time of day, by the orders in which dates may be written."""
+    short_years = all("-" in cell.text for cell in cells)
+    return {
+        order: [day + time for day in formats for time in TIMES]
+        for order, formats in ORDERS.items()
+        if order != "short year first" or short_years
+    }
+
+
+def _of_no_order(cells: Sequence[Cell], orders: dict[str, list[str]]) -> InputError:
+    """The error of the first cell that no order can read, or not the order of the others."""
+    for number in range(1, len(cells) + 1):
+        plain = [_plain(cell.text) for cell in cells[:number]]
+        if not any(all(_parsed(one, formats) for one in plain) for formats in orders.values()):
+            break
+    return cells[number - 1].refuse(
+        "is no date that exists, or not in the order of the others; write it as 2024-01-31 or "
+        "2024-01-31 09:30"
+    )
+
+
+def _of_format(cell: Cell, made: str) -> datetime:
+    """The date of a cell in a stated format, with or without a time of day behind it."""
+    for text in (cell.text, cell.text.replace("T", " ")):
+        for time in TIMES:
+            try:
+                return without_zone(datetime.strptime(text, made + time))
+            except (ValueError, re.error):
+                continue
+    raise cell.refuse("is not as date_format says; mend the row or date_format")
+
+
+def _plain(text: str) -> str:
+    """A date with `-` between its numbers and one blank before the time of day."""
+    text = re.sub(r"^(?:mon|tue|wed|thu|fri|sat|sun)[a-z]*[.,]?\s+", "", text, flags=re.IGNORECASE)
+    text = re.sub(r"(?<=\d)(?:st|nd|rd|th)\b", "", text)
+    if match := re.fullmatch(r"(\S+?)[T\s,]+(\d{1,2}:.*)", text) or re.fullmatch(
+        r"(.*?\d)[T\s,]+(\d{1,2}:.*)", text
+    ):
+        day, time = match[1], match[2]
+    else:
+        day, time = text, ""
+    day = re.sub(r"[-/.,\s]+", "-", day.strip())
+    return f"{day} {re.sub(r'(?<=[0-9])(?=[AaPp])', ' ', time.replace(',', '.'))}".strip()
+
+
+def _parsed(text: str, formats: list[str]) -> datetime | None:
+    """A date in one of some formats; the one that fits comes to the front for the next cell."""
+    zone = re.fullmatch(r"(.*:\d\d(?:\.\d+)?)\s*(Z|[+-]\d\d:?\d\d)", text)
+    if zone is not None:
+        text = zone[1]
+    for place, one in enumerate(formats):
+        try:
+            found = datetime.strptime(text, one)
+        except ValueError:
+            continue
+        formats.insert(0, formats.pop(place))
+        return found - _offset(zone[2]) if zone else found
+    return None
+
+
+def _offset(zone: str) -> timedelta:
+    """Of a zone such as +01:00 from universal time."""
+    if zone == "Z":
+        return timedelta(0)
+    sign = -1 if zone[0] == "-" else 1
+    digits = zone[1:].replace(":", "")
+    return sign * timedelta(hours=int(digits[:2]), minutes=int(digits[2:]))
+
+
+def without_zone(found: datetime) -> datetime:
+    """A date in universal time where its zone is known, else as it is."""
+    return found.replace(tzinfo=None) - (found.utcoffset() or timedelta(0))

@@ -1,0 +1,144 @@
+"""What a cell of a header says: the role of its column, and the unit of what stands in it."""
+
+import re
+import unicodedata
+from typing import Literal, NamedTuple
+
+from calibrate.experiment.readings import vocabulary
+from calibrate.experiment.readings.vocabulary import FOREIGN, HOURS_FIRST, MINUTES_FIRST
+from calibrate.experiment.units import HEIGHT, RATIO, READINGS, TIME, VOLUME
+
+Role = Literal["time", "mudline", "sedimentation_ratio", "supernatant", "standard_deviation"]
+OF_READINGS: tuple[Role, ...] = ("mudline", "sedimentation_ratio", "supernatant")
+Kind = tuple[Role, int]
+"""A role and a rank: of several columns that may be the mudline the least is."""
+INITIAL = re.compile(r"[a-z][\s_]?[0o]")
+"""The symbol of an initial value: `h0`."""
+RATIO_OF_SYMBOLS = re.compile(r"(h|v|z)\s*/\s*(h|v|z)[\s_]*[0o]?")
+"""`h/h0`."""
+ALONE_NO_UNIT = ("h", "1", "y", "-", "in")
+"""Headers that are names or nothing, though units have these names, too."""
+_BRACKETS = re.compile(r"[\(\[].*?[\)\]]")
+
+
+class Heading(NamedTuple):
+    """A cell of a header."""
+
+    written: str
+    """As it is in the file."""
+    name: str
+    """Without its unit, in small letters."""
+    unit: str
+    """The word in the place of a unit, "" if there is none."""
+    explicit: bool
+    """True if the unit stands in brackets or behind a stroke, where nothing else does."""
+
+    @property
+    def words(self) -> set[str]:
+        """The words of its name."""
+        return set(re.findall(r"[^\W\d_]+|±", self.name))
+
+    @property
+    def kind(self) -> Kind | None:
+        """The role of its column and the rank among others; None if it has none."""
+        words = self.words
+        if words & vocabulary.ERROR:
+            return None if words & vocabulary.TIME else ("standard_deviation", 0)
+        if self.name == "t" or (words & vocabulary.TIME and not words & vocabulary.OTHER):
+            foreign = self.unit in FOREIGN and self.name == "t"
+            return None if foreign else ("time", 1 if self.of_dates else 0)
+        if not self.name:
+            return _of_unit_alone(self.unit)
+        if words & vocabulary.OTHER - {"initial", "total", "liquid", "water", "number"}:
+            return None
+        if words & vocabulary.CLEAR:
+            return "supernatant", 6
+        heights = vocabulary.HEIGHT | vocabulary.INTERFACE
+        relative = words & vocabulary.RELATIVE and words & heights
+        if words & vocabulary.RATIO or relative or RATIO_OF_SYMBOLS.fullmatch(self.name):
+            return "sedimentation_ratio", 5
+        return _of_height(self.name, words, self.unit)
+
+    @property
+    def of_dates(self) -> bool:
+        """True if its name says that it holds dates."""
+        return bool(self.words & vocabulary.DATE)
+
+    @property
+    def of_day(self) -> bool:
+        """True if its name says that it holds times of the day, and not elapsed ones."""
+        return "of day" in self.name or bool(self.words & vocabulary.OF_DAY)
+
+    @property
+    def base(self) -> str:
+        """The name without what tells repeats apart: numbers, a letter, words in brackets."""
+        plain = _BRACKETS.sub(" ", self.name).strip()
+        plain = re.sub(r"[\s_\-#.]*(?:\d+|(?<=[\s_\-])[a-z])$", "", plain)
+        words = [word for word in plain.replace("_", " ").split() if word not in vocabulary.REPEAT]
+        return re.sub(r"\d+$", "", " ".join(words))
+
+
+def heading(written: str) -> Heading:
+    """A cell of a header, taken apart.
+
+    `Time (min)`, `h [mm]`, `t/d`, `mudline_mm`, `height in cm`, `min`.
+    """
+    plain = unicodedata.normalize("NFKC", written).casefold().strip(" *:\"'")
+    if match := re.fullmatch(r"(.*?)\s*[(\[{<]\s*([^()\[\]{}<>]*?)\s*[)\]}>]\s*(.*)", plain):
+        name, unit, rest = match[1], match[2].removeprefix("in ").strip(), match[3]
+        unit = "%" if unit.startswith(("%", "percent")) else unit
+        if _is_unit(unit):
+            return Heading(written, f"{name} {rest}".strip(), unit, True)
+    match = re.fullmatch(r"(.+?)\s*/\s*([^/\s]+)", plain)
+    if match and _is_unit(match[2]) and not _is_unit(f"{match[1].strip()}/{match[2]}"):
+        return Heading(written, match[1], match[2], True)
+    if _is_unit(plain) and plain not in ALONE_NO_UNIT:
+        return Heading(written, "", plain, True)
+    match = re.fullmatch(r"(.+?)(?:[\s_,;.\-]+(?:in[\s_]+)?|(?=%))([^\s_,;\-]+)", plain)
+    if match and _is_unit(match[2]) and match[2] not in ("1", "-", "in") and "of " not in plain:
+        return Heading(written, match[1].removesuffix(" in"), match[2], False)
+    return Heading(written, plain.replace("_", " "), "", False)
+
+
+def is_unit_cell(text: str) -> bool:
+    """True if a cell holds a unit and nothing else, with or without brackets, or is empty."""
+    return not text or _is_unit(unit_of_cell(text))
+
+
+def unit_of_cell(text: str) -> str:
+    """The unit of a cell below a header."""
+    return unicodedata.normalize("NFKC", text).casefold().strip(" ()[]")
+
+
+def _is_unit(word: str) -> bool:
+    known = TIME.named(word) or READINGS.named(word)
+    return bool(known) or word in HOURS_FIRST | MINUTES_FIRST | FOREIGN
+
+
+def _of_unit_alone(unit: str) -> Kind | None:
+    """The kind of a column whose header is a unit: `min`, `(mm)`."""
+    if TIME.named(unit) or unit in HOURS_FIRST | MINUTES_FIRST:
+        return "time", 1
+    if RATIO.named(unit):
+        return "sedimentation_ratio", 5
+    return ("mudline", 4) if READINGS.named(unit) else None
+
+
+def _of_height(name: str, words: set[str], unit: str) -> Kind | None:
+    """The kind of a column that may be a mudline by its words."""
+    if words & vocabulary.INTERFACE or "mud line" in name:
+        return "mudline", 1
+    if words & vocabulary.OTHER:
+        return None
+    letter = re.sub(r"[\d\s_#.]+", "", _BRACKETS.sub("", name))
+    if letter in vocabulary.SYMBOLS:
+        fits = not vocabulary.SYMBOLS[letter] or VOLUME.named(unit)
+        return ("mudline", 2) if fits and not INITIAL.fullmatch(name) else None
+    if words & vocabulary.HEIGHT:
+        rank = 3 if words & vocabulary.BED else 2
+        return None if words & vocabulary.VESSEL else ("mudline", rank)
+    if words & (vocabulary.BED | vocabulary.READING):
+        return "mudline", 3 if words & vocabulary.BED else 4
+    if words & vocabulary.REPEAT:
+        return ("mudline", 7) if len(words) < 3 else None
+    return ("mudline", 8) if HEIGHT.named(unit) or VOLUME.named(unit) else None

@@ -1,0 +1,77 @@
+"""The readings of a table: a time and a value each, with the cells they come from."""
+
+from typing import NamedTuple
+
+from calibrate.experiment.readings import cells
+from calibrate.experiment.readings.cells import Cell
+from calibrate.experiment.readings.columns import Column, Layout
+from calibrate.experiment.readings.dates import is_clock
+from calibrate.experiment.readings.delimiter import is_reading
+from calibrate.experiment.readings.table import Row, Table
+from mrjax import InputError
+
+
+class Point(NamedTuple):
+    """One reading, as it is written."""
+
+    row: Row
+    time: Cell
+    reading: Cell
+    error: Cell | None
+    """None where no column has its error, or the cell is empty."""
+
+
+class Points(NamedTuple):
+    """All readings, and rows without one."""
+
+    points: list[Point]
+    left_out: list[int]
+    """Numbers of rows with an empty time or without any reading."""
+
+
+def points(table: Table, layout: Layout) -> Points:
+    """The readings of a table; a row has one for each of its repeats.
+
+    Raises:
+      InputError: a row of more cells than the header, fewer than two readings, or a row without a
+        reading that holds no time either.
+    """
+    found: list[Point] = []
+    left_out: list[int] = []
+    for row in layout.rows:
+        at = table.at(row)
+        if row.width > layout.width:
+            raise InputError(
+                f"{at}: has {row.width} cells for {layout.width} columns; write decimals with a "
+                "point, or separate columns by semicolons"
+            )
+        time = _time(at, row, layout)
+        filled = [one for one in layout.readings if not cells.is_missing(row.cell(one.place))]
+        if not filled or cells.is_missing(time.text):
+            if not cells.is_missing(time.text) and not is_reading(time.text):
+                raise cells.not_a_number(time)
+            left_out.append(row.number)
+            continue
+        error = _cell(at, row, layout.error) if layout.error else None
+        error = None if error and cells.is_missing(error.text) else error
+        found += [Point(row, time, _cell(at, row, one), error) for one in filled]
+    if len(found) < 2:
+        raise InputError(
+            f"{table.path}: has {len(found)} rows of numbers; give at least 2 with a time and a "
+            "reading"
+        )
+    return Points(found, left_out)
+
+
+def _cell(at: str, row: Row, column: Column) -> Cell:
+    return Cell(at, column.role, row.cell(column.place))
+
+
+def _time(at: str, row: Row, layout: Layout) -> Cell:
+    """The time of a row, behind its date where that has a column of its own."""
+    time = _cell(at, row, layout.time)
+    date = row.cell(layout.date.place) if layout.date else ""
+    if not date or not is_clock(time.text):
+        return time
+    day = date.split(" ")[0] if " 00:00" in date else date
+    return time._replace(text=f"{day} {time.text}")

@@ -1,0 +1,94 @@
+"""Text of a file, in whatever encoding an instrument or a spreadsheet has saved it."""
+
+import codecs
+from pathlib import Path
+from typing import NamedTuple
+
+from mrjax import InputError
+from mrjax.core.errors import shown
+
+MARKS = {
+    codecs.BOM_UTF8: "utf-8-sig",
+    codecs.BOM_UTF16_LE: "utf-16",
+    codecs.BOM_UTF16_BE: "utf-16",
+}
+"""Encodings by the mark at the beginning of a file."""
+NAMES = {
+    "utf-8-sig": "UTF-8",
+    "utf-8": "UTF-8",
+    "utf-16": "UTF-16",
+    "utf-16-le": "UTF-16",
+    "utf-16-be": "UTF-16",
+    "cp1252": "Latin-1",
+    "latin-1": "Latin-1",
+    "iso8859-1": "Latin-1",
+    "ascii": "ASCII",
+}
+"""Encodings as people call them."""
+
+
+class Decoded(NamedTuple):
+    """Text, and the encoding it was in."""
+
+    text: str
+    encoding: str
+
+
+def decoded(content: bytes, path: Path, stated: str | None) -> Decoded:
+    """The text of a file.
+
+    A mark at the beginning says UTF-8 or UTF-16, zeros in every other place say UTF-16; else it is
+    UTF-8 where it can be, and Latin-1 where not.
+
+    Args:
+      content: of the file.
+      path: as messages name it.
+      stated: encoding of the experiment file.
+
+    Raises:
+      InputError: an encoding that is not known or contradicts the file, or what is no text.
+    """
+    mark = next((name for mark, name in MARKS.items() if content.startswith(mark)), None)
+    if stated is not None:
+        found = [_stated(stated, mark, path)]
+    elif mark is not None:
+        found = [mark]
+    else:
+        found = [*_without_mark(content), "utf-8", "cp1252", "latin-1"]
+    for name in found:
+        try:
+            text = content.decode(name)
+        except (UnicodeError, ValueError):
+            continue
+        if "\0" in text:
+            raise InputError(f"{path}: is no text; save the readings as CSV or .xlsx")
+        return Decoded(text.removeprefix("\ufeff"), NAMES.get(name, name))
+    raise InputError(f"{path}: is not text in {NAMES.get(found[0], found[0])}; state its encoding")
+
+
+def _stated(stated: str, mark: str | None, path: Path) -> str:
+    """The codec of a stated encoding."""
+    try:
+        codec = codecs.lookup(stated)
+        name = codec.name
+        "".encode(name)  # what is no encoding of text, such as base64, is refused here
+    except (LookupError, ValueError):
+        raise InputError(
+            f"{path}: encoding = {shown(stated)} is not known; give utf-8, utf-16 or latin-1"
+        ) from None
+    family = mark and NAMES[mark].lower()
+    if mark and family and not name.startswith(family):
+        raise InputError(
+            f"{path}: encoding = {shown(stated)} is stated, and the file begins with the mark of "
+            f"{NAMES[mark]}; take encoding away"
+        )
+    return mark or name
+
+
+def _without_mark(content: bytes) -> list[str]:
+    """UTF-16 whose mark is missing: half of the bytes of plain numbers are zero."""
+    beginning = content[: 2 * (min(len(content), 400) // 2)]
+    for name, zeros in (("utf-16-le", beginning[1::2]), ("utf-16-be", beginning[0::2])):
+        if zeros and zeros.count(0) > 0.7 * len(zeros):
+            return [name]
+    return []

@@ -1,0 +1,170 @@
+"""Times of a column: numbers with a unit, times of a clock, or dates."""
+
+from collections.abc import Sequence
+from datetime import date, datetime, time, timedelta
+from typing import NamedTuple
+
+from calibrate.experiment.curve_sheet import CurveSheet
+from calibrate.experiment.readings import cells, dates
+from calibrate.experiment.readings.cells import Cell
+from calibrate.experiment.readings.headings import Heading
+from calibrate.experiment.readings.vocabulary import HOURS_FIRST, MINUTES_FIRST
+from calibrate.experiment.units import TIME, TIME_UNITS
+from mrjax import InputError
+from mrjax.core.errors import shown
+
+DAY = 86400.0
+NEEDS_A_UNIT = (
+    'write the unit into the header, as in "time (min)", or give time_unit, one of '
+    f"{', '.join(TIME_UNITS)}"
+)
+
+
+class Times(NamedTuple):
+    """Times of readings, (T,)."""
+
+    seconds: list[float]
+    """From the start, s."""
+    unit: str
+    """The unit in which a person tells them."""
+    form: str
+    """How they are written: `min`, `hh:mm:ss`, `dates`."""
+
+
+def times(column: Sequence[Cell], head: Heading, sheet: CurveSheet, mark: str) -> Times:
+    """The times of a column, none of them empty.
+
+    Args:
+      column: its cells.
+      head: its header.
+      sheet: what is stated of it.
+      mark: decimal mark.
+
+    Raises:
+      InputError: a cell that is none, no unit, two units, or a date that can be read two ways.
+    """
+    first = column[0]
+    if sheet.date_format is not None or dates.is_date(first.text):
+        return _of_dates(column, head, sheet)
+    if dates.is_clock(first.text):
+        return _of_clock(column, head, sheet)
+    if cells.number(first.text) is None:
+        raise first.refuse(
+            "is not a finite number, nor a time such as 01:30 or a date such as 2024-01-31; mend "
+            "the row, or begin it with # if it is a comment"
+        )
+    return _of_numbers(column, head, sheet, mark)
+
+
+def _of_numbers(column: Sequence[Cell], head: Heading, sheet: CurveSheet, mark: str) -> Times:
+    if sheet.start is not None:
+        raise column[0].refuse("is a number; start is for dates and times of the day, take it away")
+    of_header = TIME.named(head.unit)
+    if head.unit and of_header is None and head.explicit:
+        raise column[0].refuse(
+            f"is in {shown(head.unit)} by its header, which is no unit of time; {NEEDS_A_UNIT}"
+        )
+    unit = _agreed(column[0], of_header, sheet.time_unit)
+    seconds = []
+    for cell in column:
+        number = cells.number(cell.text)
+        if number is None:
+            raise cells.not_a_number(cell)
+        own = TIME.named(number.unit) if number.unit else unit
+        if own is None and number.unit:
+            raise cells.not_a_number(cell)
+        unit = unit or own
+        if own is None or own != unit:
+            said = f"is in {own}, others in {unit}; write one unit" if own else "has no unit; "
+            raise cell.refuse(said if own else said + NEEDS_A_UNIT)
+        value = cells.value(cell, number.written, mark)
+        if value < 0.0:
+            raise InputError(f"{cell.at}: {cell.name} = {value:g} is negative; mend the row")
+        seconds.append(TIME_UNITS[own] * value)
+    return Times(seconds, unit or "s", unit or "s")
+
+
+def _agreed(first: Cell, of_header: str | None, stated: str | None) -> str | None:
+    """The unit of the header and of the experiment file, which must not be two."""
+    if of_header and stated and of_header != stated:
+        raise InputError(
+            f"{first.at}: the header gives the time in {of_header}, and time_unit = "
+            f"{shown(stated)} is stated; mend the header, or take time_unit away"
+        )
+    return of_header or stated
+
+
+def _of_clock(column: Sequence[Cell], head: Heading, sheet: CurveSheet) -> Times:
+    minutes_first = head.unit in MINUTES_FIRST
+    if head.unit and head.unit not in HOURS_FIRST | MINUTES_FIRST and TIME.named(head.unit) != "h":
+        raise column[0].refuse(
+            f"is hours and minutes, and its header says {shown(head.unit)}; write numbers in it, "
+            "or hh:mm in the header"
+        )
+    seconds = [dates.clock_seconds(cell, minutes_first) for cell in column]
+    for cell, one, before in zip(column[1:], seconds[1:], seconds, strict=False):
+        if one < before - DAY / 2 and before < DAY:
+            raise cell.refuse(
+                "comes after a later time of day: past midnight give dates with the time, or "
+                "elapsed times"
+            )
+    start = 0.0
+    if sheet.start is not None:
+        start = _clock_start(sheet.start, column[0])
+    elif head.of_day:
+        start = min(seconds)
+    form = "mm:ss" if minutes_first else "hh:mm:ss" if column[0].text.count(":") > 1 else "hh:mm"
+    seconds = _since(column, [one - start for one in seconds])
+    return Times(seconds, sheet.time_unit or _told_in(seconds), form)
+
+
+def _of_dates(column: Sequence[Cell], head: Heading, sheet: CurveSheet) -> Times:
+    if head.unit and TIME.named(head.unit) not in (None, "day"):
+        raise column[0].refuse(
+            f"is a date, and its header says {shown(head.unit)}; mend the header, or write numbers"
+        )
+    if sheet.date_format is None:
+        for cell in column:
+            if not dates.is_date(cell.text):
+                raise cell.refuse("is no date, as the first is; mend the row")
+    found = dates.dates(column, sheet.date_format)
+    start = min(found) if sheet.start is None else _start(sheet.start, sheet, column[0])
+    seconds = _since(column, [(one - start) / timedelta(seconds=1) for one in found])
+    return Times(seconds, sheet.time_unit or _told_in(seconds), "dates")
+
+
+def _told_in(seconds: list[float]) -> str:
+    """The unit in which a person tells times up to the last of these."""
+    return next((unit for unit in ("day", "h", "min") if max(seconds) > 2 * TIME_UNITS[unit]), "s")
+
+
+def _since(column: Sequence[Cell], seconds: list[float]) -> list[float]:
+    """Times from the start, none of them before it."""
+    for cell, one in zip(column, seconds, strict=True):
+        if one < 0.0:
+            raise cell.refuse("is before the start; mend the row or start")
+    return seconds
+
+
+def _start(stated: str | datetime | date | time, sheet: CurveSheet, at: Cell) -> datetime:
+    """The stated start of a column of dates."""
+    match stated:
+        case datetime():
+            return dates.without_zone(stated)
+        case date():
+            return datetime(stated.year, stated.month, stated.day)
+        case time():
+            raise at.refuse(f"is a date, and start = {stated} has none; give the date, too")
+    cell = at._replace(name="start", text=stated)
+    if not dates.is_date(stated) and sheet.date_format is None:
+        raise cell.refuse("is no date, as the times are; write it as 2024-01-31 09:30")
+    return dates.dates([cell], sheet.date_format)[0]
+
+
+def _clock_start(stated: str | datetime | date | time, at: Cell) -> float:
+    """The stated start of a column of times of the day, s."""
+    if isinstance(stated, time):
+        return 3600.0 * stated.hour + 60.0 * stated.minute + stated.second
+    if isinstance(stated, str) and dates.is_clock(stated):
+        return dates.clock_seconds(at._replace(name="start", text=stated))
+    raise at.refuse('is a time of day, and start is none; write it as "09:30"')

@@ -1,0 +1,86 @@
+"""What was understood of a file: one line for people, and a table for `fit.json`."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from mrjax.core.errors import shown
+
+MOST_NAMED = 5
+"""Columns or rows that the line names."""
+
+
+@dataclass(frozen=True)
+class Understood:
+    """How a file of readings was read."""
+
+    file: str
+    """As the experiment has it."""
+    read_as: dict[str, str]
+    """Encoding and delimiter, or sheet, and decimal mark."""
+    columns: dict[str, str]
+    """Names in the header by what they hold; several repeats are joined."""
+    observable: str
+    """`mudline` or `sedimentation_ratio`."""
+    time_form: str
+    """How times are written: a unit, `hh:mm`, `hh:mm:ss`, `mm:ss` or `dates`."""
+    time_unit: str
+    """Unit in which times are told."""
+    unit: str
+    """Unit of the readings."""
+    readings: int
+    first: tuple[float, float]
+    """Time and value of the first reading, in their units."""
+    last: tuple[float, float]
+    """Time and value of the last reading, in their units."""
+    errors: str
+    """`stated` or `estimated`."""
+    standard_deviation: tuple[float, float]
+    """Least and greatest, in the unit of the readings."""
+    ignored_columns: tuple[str, ...] = ()
+    left_out: tuple[int, ...] = ()
+    """Numbers of rows without a time or a reading."""
+    row_word: str = "line"
+    """What a row is called: `line` of a text, `row` of a workbook."""
+
+    @property
+    def line(self) -> str:
+        """The line for people."""
+        time, unit = self.time_unit, "" if self.unit == "1" else f" {self.unit}"
+        roles = [role for role in self.columns if role != "time"]
+        form = f"in {time}" if self.time_form == time else f"as {self.time_form}"
+        parts = [
+            f"{shown(self.file)} ({', '.join(self.read_as.values())}): time {form} from "
+            f"{self.columns['time']}, {self._reading(roles[0])} from {self.columns[roles[0]]}",
+            f"{self.readings} readings, {self.first[1]:.6g}{unit} at {self.first[0]:.6g} {time} to "
+            f"{self.last[1]:.6g}{unit} at {self.last[0]:.6g} {time}",
+            self._errors(unit),
+        ]
+        if self.ignored_columns:
+            parts.append(f"not used: {_some([shown(one) for one in self.ignored_columns])}")
+        if self.left_out:
+            plural = "s" if len(self.left_out) > 1 else ""
+            numbers = _some([str(one) for one in self.left_out])
+            parts.append(f"without a reading: {self.row_word}{plural} {numbers}")
+        return "; ".join(parts)
+
+    def table(self) -> dict[str, Any]:
+        """The entries of `fit.json`, with the line itself."""
+        return asdict(self) | {"line": self.line}
+
+    def _reading(self, role: str) -> str:
+        """What the readings are, in their unit."""
+        unit = " as a ratio" if self.unit == "1" else f" in {self.unit}"
+        if role == "supernatant":
+            return f"mudline{unit} as height less supernatant"
+        return f"{role}{unit}"
+
+    def _errors(self, unit: str) -> str:
+        least, most = (f"{one:.3g}" for one in self.standard_deviation)
+        between = f"{least}{unit}" if least == most else f"{least} to {most}{unit}"
+        return f"standard deviation {between}, {self.errors}"
+
+
+def _some(names: list[str]) -> str:
+    """The first names of a list, and how many more there are."""
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return ", ".join(names[:MOST_NAMED]) + more
