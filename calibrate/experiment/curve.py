@@ -11,11 +11,11 @@ import math
 from pathlib import Path
 from typing import NamedTuple
 
-from calibrate.experiment.curve_sheet import CurveSheet as CurveSheet
 from calibrate.experiment.readings import columns, decimals, rows
 from calibrate.experiment.readings.columns import Layout
 from calibrate.experiment.readings.points import Points, points
 from calibrate.experiment.readings.scatter import scatter
+from calibrate.experiment.readings.sheet import CurveSheet as CurveSheet
 from calibrate.experiment.readings.table import Table
 from calibrate.experiment.readings.times import Times, times
 from calibrate.experiment.readings.understood import Understood

@@ -5,8 +5,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from calibrate.experiment.curve_sheet import CurveSheet
 from calibrate.experiment.free_parameters import ParameterSheet
+from calibrate.experiment.readings.sheet import CurveSheet
 from calibrate.experiment.units import RATIO_UNITS, VELOCITY_UNITS, one_of
 from mrjax.core.errors import shown
 from mrjax.recipe.sheets import FileName, Name, Sheet

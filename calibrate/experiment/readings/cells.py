@@ -18,7 +18,7 @@ MISSING = frozenset(
 """Cells that say that nothing was read."""
 _NUMBER = re.compile(
     r"(?P<number>[+-]?(?:[0-9][0-9.,]*|[.,][0-9][0-9.,]*)(?:[eE][+-]?[0-9]+)?)"
-    r"\s*(?P<unit>[^\s0-9.,+-].*)?"
+    r"\s*(?P<unit>[%\"]|[^\W\d_][\w/^ .]*)?"
 )
 
 

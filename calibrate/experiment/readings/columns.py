@@ -2,10 +2,10 @@
 
 from typing import NamedTuple, get_args
 
-from calibrate.experiment.curve_sheet import ColumnsSheet
 from calibrate.experiment.readings import headings, vocabulary
 from calibrate.experiment.readings.headings import OF_READINGS, Heading, Role, heading
 from calibrate.experiment.readings.rows import is_numbers
+from calibrate.experiment.readings.sheet import ColumnsSheet
 from calibrate.experiment.readings.table import Row, Table
 from calibrate.experiment.units import TIME
 from mrjax import InputError
@@ -77,7 +77,9 @@ def layout(table: Table, stated: ColumnsSheet, time_unit: str | None) -> Layout:
     errors = errors or [one for one in columns if one.role == "standard_deviation"]
     if len(errors) > 1:
         raise InputError(f"{at}: has {len(errors)} columns of errors; give one for all readings")
-    used = {one.place for one in (time, date, *readings, *errors) if one is not None}
+    used = [one.place for one in (time, date, *readings, *errors) if one is not None]
+    if len(set(used)) < len(used):
+        raise InputError(f"{at}: columns has one twice, for time, mudline or errors; mend it")
     ignored = [
         one.written or f"column {place + 1}"
         for place, one in enumerate(heads)
@@ -103,9 +105,7 @@ def _header(table: Table, stated: ColumnsSheet) -> tuple[Row | None, list[Row]]:
             alike = place == 0 and comment is not None and comment.width == row.width
             if alike and comment and _accepts(comment, stated, names):
                 return comment, table.rows
-            if place and not names and _by_number(stated):
-                return table.rows[place - 1], table.rows[place:]
-            return None, table.rows
+            return (table.rows[place - 1] if place else None), table.rows[place:]
         if _accepts(row, stated, names):
             return row, table.rows[place + 1 :]
     if not table.rows:
@@ -145,10 +145,6 @@ def _named(stated: ColumnsSheet, role: Role) -> list[str | int]:
 def _names(stated: ColumnsSheet) -> list[str]:
     roles: tuple[Role, ...] = get_args(Role)
     return [one for role in roles for one in _named(stated, role) if isinstance(one, str)]
-
-
-def _by_number(stated: ColumnsSheet) -> bool:
-    return any(_named(stated, role) for role in get_args(Role))
 
 
 def _is_named(head: Heading, name: str) -> bool:

@@ -75,13 +75,13 @@ def dates(cells: Sequence[Cell], stated: str | None) -> list[datetime]:
 
     Args:
       cells: of one column.
-      stated: format, such as `%d/%m/%Y %H:%M` or `DD/MM/YYYY hh:mm`.
+      stated: format as `strptime` takes it, such as `%d/%m/%Y %H:%M`.
 
     Raises:
       InputError: a cell that is no date, or can be read two ways.
     """
     if stated is not None:
-        return [_of_format(cell, strptime_format(stated)) for cell in cells]
+        return [_of_format(cell, stated) for cell in cells]
     orders = _orders(cells)
     readable: dict[str, list[datetime]] = {}
     for order, formats in orders.items():

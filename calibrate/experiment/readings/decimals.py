@@ -5,6 +5,7 @@ from collections.abc import Iterable
 
 from calibrate.experiment.readings import cells
 from calibrate.experiment.readings.cells import Cell
+from calibrate.experiment.readings.dates import is_clock_or_date
 
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
 """What may be 1701 as well as 1.701."""
@@ -30,7 +31,7 @@ def decimal_mark(numbers: Iterable[Cell], delimiter: str, stated: str | None) ->
     plain = False
     for cell in numbers:
         number = cells.number(cell.text)
-        if number is None:
+        if number is None or is_clock_or_date(cell.text):
             continue
         marks = number.written.count(","), number.written.count(".")
         if sum(marks) > 1:

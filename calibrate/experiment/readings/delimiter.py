@@ -39,12 +39,12 @@ def delimiter_of(lines: list[Line], stated: str | None, path: str) -> str:
     if stated is not None:
         return _stated(stated, lines, path)
     beginning = lines[:LOOKED_AT]
-    for count in (_lines_of_readings, _lines_of_cells):
-        numbers = {mark: count(beginning, mark) for mark in NAMES}
-        best = max(numbers, key=lambda mark: numbers[mark])
-        if numbers[best]:
-            return best
-    return ","
+    counts = {
+        mark: (_lines_of_readings(beginning, mark), _lines_of_cells(beginning, mark))
+        for mark in NAMES
+    }
+    best = max(counts, key=lambda mark: counts[mark])
+    return best if any(counts[best]) else ","
 
 
 def rows(lines: Iterable[Line], delimiter: str, path: str) -> Iterator[Row]:

@@ -5,9 +5,9 @@ from typing import NamedTuple
 from calibrate.experiment.readings import cells
 from calibrate.experiment.readings.cells import Cell
 from calibrate.experiment.readings.columns import Column, Layout
-from calibrate.experiment.readings.dates import is_clock
-from calibrate.experiment.readings.delimiter import is_reading
+from calibrate.experiment.readings.dates import is_clock, is_clock_or_date
 from calibrate.experiment.readings.table import Row, Table
+from calibrate.experiment.units import TIME
 from mrjax import InputError
 
 
@@ -47,14 +47,17 @@ def points(table: Table, layout: Layout) -> Points:
             )
         time = _time(at, row, layout)
         filled = [one for one in layout.readings if not cells.is_missing(row.cell(one.place))]
+        if not cells.is_missing(time.text) and not _is_time(time.text):
+            raise time.refuse(
+                "is not a finite number, nor a time such as 01:30 or a date such as 2024-01-31; "
+                "mend the row, or begin it with # if it is a comment"
+            )
         if not filled or cells.is_missing(time.text):
-            if not cells.is_missing(time.text) and not is_reading(time.text):
-                raise cells.not_a_number(time)
             left_out.append(row.number)
             continue
         error = _cell(at, row, layout.error) if layout.error else None
         error = None if error and cells.is_missing(error.text) else error
-        found += [Point(row, time, _cell(at, row, one), error) for one in filled]
+        found += [Point(row, time, _reading(at, row, one), error) for one in filled]
     if len(found) < 2:
         raise InputError(
             f"{table.path}: has {len(found)} rows of numbers; give at least 2 with a time and a "
@@ -63,8 +66,22 @@ def points(table: Table, layout: Layout) -> Points:
     return Points(found, left_out)
 
 
+def _is_time(text: str) -> bool:
+    number = cells.number(text)
+    is_number = number is not None and (not number.unit or TIME.named(number.unit) is not None)
+    return is_number or is_clock_or_date(text)
+
+
 def _cell(at: str, row: Row, column: Column) -> Cell:
     return Cell(at, column.role, row.cell(column.place))
+
+
+def _reading(at: str, row: Row, column: Column) -> Cell:
+    """The cell of a reading, which begins with a number."""
+    cell = _cell(at, row, column)
+    if cells.number(cell.text) is None:
+        raise cells.not_a_number(cell)
+    return cell
 
 
 def _time(at: str, row: Row, layout: Layout) -> Cell:

@@ -3,8 +3,8 @@
 import re
 from pathlib import Path
 
-from calibrate.experiment.curve_sheet import CurveSheet
 from calibrate.experiment.readings import delimiter, text, workbook
+from calibrate.experiment.readings.sheet import CurveSheet
 from calibrate.experiment.readings.table import Row, Table
 from mrjax import InputError
 from mrjax.io import reading

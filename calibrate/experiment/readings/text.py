@@ -50,7 +50,7 @@ def decoded(content: bytes, path: Path, stated: str | None) -> Decoded:
     """
     mark = next((name for mark, name in MARKS.items() if content.startswith(mark)), None)
     if stated is not None:
-        found = [_stated(stated, mark, path)]
+        found = [_stated(stated, mark, content, path)]
     elif mark is not None:
         found = [mark]
     else:
@@ -66,7 +66,7 @@ def decoded(content: bytes, path: Path, stated: str | None) -> Decoded:
     raise InputError(f"{path}: is not text in {NAMES.get(found[0], found[0])}; state its encoding")
 
 
-def _stated(stated: str, mark: str | None, path: Path) -> str:
+def _stated(stated: str, mark: str | None, content: bytes, path: Path) -> str:
     """The codec of a stated encoding."""
     try:
         codec = codecs.lookup(stated)
@@ -81,6 +81,11 @@ def _stated(stated: str, mark: str | None, path: Path) -> str:
         raise InputError(
             f"{path}: encoding = {shown(stated)} is stated, and the file begins with the mark of "
             f"{NAMES[mark]}; take encoding away"
+        )
+    if name.startswith(("utf-16", "utf-32")) and b"\0" not in content:
+        raise InputError(
+            f"{path}: encoding = {shown(stated)} is stated, and the file is in none of 2 bytes a "
+            "letter; take encoding away"
         )
     return mark or name
 

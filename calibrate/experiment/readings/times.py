@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from datetime import date, datetime, time, timedelta
 from typing import NamedTuple
 
-from calibrate.experiment.curve_sheet import CurveSheet
 from calibrate.experiment.readings import cells, dates
 from calibrate.experiment.readings.cells import Cell
 from calibrate.experiment.readings.headings import Heading
+from calibrate.experiment.readings.sheet import CurveSheet
 from calibrate.experiment.readings.vocabulary import HOURS_FIRST, MINUTES_FIRST
 from calibrate.experiment.units import TIME, TIME_UNITS
 from mrjax import InputError
@@ -119,11 +119,12 @@ def _of_clock(column: Sequence[Cell], head: Heading, sheet: CurveSheet) -> Times
 
 
 def _of_dates(column: Sequence[Cell], head: Heading, sheet: CurveSheet) -> Times:
-    if head.unit and TIME.named(head.unit) not in (None, "day"):
-        raise column[0].refuse(
-            f"is a date, and its header says {shown(head.unit)}; mend the header, or write numbers"
-        )
     if sheet.date_format is None:
+        if head.unit and TIME.named(head.unit) not in (None, "day"):
+            raise column[0].refuse(
+                f"is a date, and its header says {shown(head.unit)}; mend the header, or write "
+                "numbers"
+            )
         for cell in column:
             if not dates.is_date(cell.text):
                 raise cell.refuse("is no date, as the first is; mend the row")

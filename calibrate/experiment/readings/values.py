@@ -4,11 +4,11 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from calibrate.experiment.curve_sheet import CurveSheet
 from calibrate.experiment.readings import cells
 from calibrate.experiment.readings.cells import Cell
 from calibrate.experiment.readings.columns import Column, Layout
 from calibrate.experiment.readings.points import Point
+from calibrate.experiment.readings.sheet import CurveSheet
 from calibrate.experiment.units import (
     HEIGHT_UNITS,
     RATIO_UNITS,

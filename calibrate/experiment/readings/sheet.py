@@ -5,6 +5,7 @@ from typing import Annotated
 
 from pydantic import Field, field_validator
 
+from calibrate.experiment.readings.dates import strptime_format
 from calibrate.experiment.units import READINGS, TIME, spelled
 from mrjax.recipe.sheets import FileName, Name, Sheet
 
@@ -59,6 +60,11 @@ class CurveSheet(Sheet):
         gt=0,
         description="the uncertainty of every point in this unit, above zero",
     )
+
+    @field_validator("date_format")
+    @classmethod
+    def _a_format(cls, date_format: str | None) -> str | None:
+        return None if date_format is None else strptime_format(date_format)
 
     @field_validator("decimal")
     @classmethod
