@@ -333,8 +333,8 @@ def test_particles_scale_the_times_of_one_run(case2):
     [
         ("height = 0.1\n", "", ["sample 'A'", "height is missing"]),
         ('"a.csv"', '"b.csv"', ["b.csv: no such file"]),
-        ('"h"', '"week"', ["time_unit = 'week'", "one of s, min"]),
-        ('unit = "mm", s', 'unit = "%", s', ["unit = '%' is none of a mudline", "m, cm"]),
+        ('"h"', '"month"', ["time_unit = 'month'", "one of s, min"]),
+        ('unit = "mm", s', 'unit = "kg", s', ["unit = 'kg'", "one of m, dm, cm"]),
         ("value = 60.0", "value = 160.0", ["100"]),
         (', unit = "%"', "", ["final_ratio.value = 60", 'unit = "%"']),
         ("f_w.exponent", "f_w.power", ["f_w.power", "no such coefficient", "f_w.exponent"]),

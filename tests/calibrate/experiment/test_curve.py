@@ -41,19 +41,18 @@ def test_a_byte_order_mark_is_no_fault(tmp_path):
 @pytest.mark.parametrize(
     "text, words",
     [
-        ("time,mudline\n2,90\n1,95\n", ["line 3", "time = 1 comes after 2", "sort"]),
-        ("time,mudline\n1,90\n1,95\n", ["line 3", "one for each time"]),
+        ("time,mudline\n1,90\n1,95\n", ["one time alone", "a second time"]),
         ("time,mudline\n1,90\n2,-5\n", ["line 3", "mudline = -5 is negative"]),
         ("time,mudline\n-1,90\n2,5\n", ["line 2", "time = -1 is negative"]),
-        ("time,mudline\n1,90\n2,nan\n", ["line 3", "mudline = 'nan'", "leave out rows"]),
-        ("time,mudline\n1,90\n2,\n", ["line 3", "mudline = ''"]),
+        ("time,mudline\n1,90\n2,inf\n", ["line 3", "mudline = 'inf'", "leave empty"]),
+        ("time,mudline\n1,90\n2,nan\n", ["1 rows", "at least 2"]),
+        ("time,mudline\n1,90\n2,\n", ["1 rows", "at least 2"]),
         ("time,mudline\n1,90\n\n2,8O\n", ["line 4", "mudline = '8O'"]),
-        ("time;mudline\n1;90\n2;80\n", ["line 1", "semicolons", "commas"]),
         ("time,mudline\n1,5,90,2\n2,80\n", ["line 2", "4 cells for 2 columns", "point"]),
-        ('time,mudline\n"1,5",90\n2,80\n', ["line 2", "time = '1,5'", "decimals with a point"]),
-        ("time,height\n1,90\n2,80\n", ["line 1", "'height' is not known", "mudline"]),
+        ('time,mudline\n"1,500",90\n2,80\n', ["line 2", "time = '1,500'", "write 1500"]),
+        ("time,width\n1,90\n2,80\n", ["line 1", "time, width", "mudline"]),
         ("time\n1\n2\n", ["line 1", "the header is time", "mudline or sedimentation_ratio"]),
-        ("1,90\n2,80\n", ["line 1", "'1' is not known"]),
+        ("1,90,5\n2,80,5\n", ["line 1", "3 columns and no header"]),
         ("", ["line 1", "missing"]),
         ("time,mudline\n1,90\n1e308,80\n", ["line 3", "time = 1e+308", "between 1e-30 and 1e30"]),
         ("time,mudline\n1,90\n", ["1 rows", "at least 2"]),
@@ -70,10 +69,25 @@ def test_a_fault_is_one_line_with_its_place_and_remedy(tmp_path, text, words):
         assert word in message
 
 
+def test_what_was_refused_once_is_read(tmp_path):
+    """Unsorted rows, semicolons, decimal commas, another name, no header."""
+    for text in (
+        "time,mudline\n2,90\n1.5,95\n",
+        "time;mudline\n1,5;95\n2;90\n",
+        'time,mudline\n"1,5",95\n2,90\n',
+        "time,height\n1.5,95\n2,90\n",
+        "1.5,95\n2,90\n",
+    ):
+        found = read(tmp_path, text)
+        assert found.times == [1.5 * 86400, 2 * 86400] and found.values == [95.0, 90.0]
+
+
 def test_files_that_cannot_be_read(tmp_path):
     with pytest.raises(mrjax.InputError, match=r"curve.csv: no such file"):
         curve.read(CurveSheet(**SHEET), tmp_path)
-    with pytest.raises(mrjax.InputError, match=r"curve.csv: is not UTF-8 text"):
-        read(tmp_path, "time,mudline\n1,90 µ\n", "latin-1")
+    with pytest.raises(mrjax.InputError, match=r"latin.csv: is not text in UTF-8"):
+        (tmp_path / "latin.csv").write_bytes("time,höhe\n1,90\n2,80\n".encode("latin-1"))
+        sheet = SHEET | {"file": "latin.csv", "encoding": "utf-8"}
+        curve.read(CurveSheet(**sheet), tmp_path)
     with pytest.raises(mrjax.InputError, match="no point has an error"):
         read(tmp_path, "time,mudline\n1,90\n2,80\n", standard_deviation=None)

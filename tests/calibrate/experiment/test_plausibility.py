@@ -82,10 +82,66 @@ def test_readings_that_may_be_true_are_taken(tmp_path, lines, options):
 def test_what_may_be_right_all_the_same_is_a_warning(tmp_path):
     early = load(tmp_path, "0,99\n1,92\n", error="0.1")
     assert [one.split(" is ")[0] for one in early.warnings] == [
-        "sample 'A': mudline = 99 mm at 0 day"
+        "sample 'A': a.csv, line 2: mudline = 99 mm at 0 day"
     ]
-    (bump,) = load(tmp_path, "0,100\n1,92\n2,93\n3,80\n", error="0.1").warnings
-    assert "mudline = 93 mm at 2 day is above mudline = 92 mm at 1 day" in bump
+
+
+def test_a_small_rise_beyond_its_errors_is_refused(tmp_path):
+    bump = "0,100\n1,92\n2,93\n3,80\n"
+    words = r"a.csv, line 4: mudline = 93 mm at 2 day is above mudline = 92 mm at 1 day"
+    with pytest.raises(mrjax.InputError, match=words):
+        load(tmp_path, bump, error="0.1")
+    assert load(tmp_path, bump, error="0.2").warnings == ()
+
+
+@pytest.mark.parametrize("rise, refused", [(1.9, False), (2.1, True)])
+def test_without_stated_errors_2_percent_of_the_height_are_allowed(tmp_path, rise, refused):
+    (tmp_path / "a.csv").write_text(f"time,mudline\n0,100\n1,92\n2,{92 + rise}\n3,80\n")
+    sample = SAMPLE.format(name="A", file="a", unit="mm", error=1.0, recipe="case2")
+    sample = sample.replace(", standard_deviation = 1.0", "")
+    (tmp_path / "one.toml").write_text(f'name = "one"\n{sample}{PARAMETER}')
+    if refused:
+        with pytest.raises(mrjax.InputError, match=r"line 4: mudline = 94\.1 mm"):
+            Experiment.load(tmp_path / "one.toml")
+    else:
+        experiment = Experiment.load(tmp_path / "one.toml")
+        assert experiment.data_as_understood["A"].errors == "estimated"
+        assert 0.1 <= experiment.samples[0].measurements[0].standard_deviation < 10.0
+
+
+def test_a_volume_above_the_height_may_be_that_of_another_tube(tmp_path):
+    with pytest.raises(mrjax.InputError, match=r"1000 mL at 0 day is above .* tube_diameter or"):
+        (tmp_path / "a.csv").write_text("time,mudline\n0,1000\n1,900\n")
+        sample = SAMPLE.format(name="A", file="a", unit="mL", error=1.0, recipe="case2")
+        sample = sample.replace("height =", "tube_diameter = 0.05\nheight =")
+        (tmp_path / "one.toml").write_text(f'name = "one"\n{sample}{PARAMETER}')
+        Experiment.load(tmp_path / "one.toml")
+
+
+def test_samples_may_share_a_file_of_which_each_has_its_column(tmp_path):
+    (tmp_path / "a.csv").write_text("time,A,B\n0,100,100\n1,92,91\n")
+
+    def both(second):
+        samples = [
+            SAMPLE.format(name=name, file="a", unit="mm", error=1.0, recipe="case2").replace(
+                '"a.csv"', f'"a.csv", columns = {{time = "time", mudline = "{column}"}}'
+            )
+            for name, column in (("A", "A"), ("B", second))
+        ]
+        (tmp_path / "two.toml").write_text(f'name = "two"\n{"".join(samples)}{PARAMETER}')
+        return Experiment.load(tmp_path / "two.toml")
+
+    values = [[one.value for one in sample.measurements] for sample in both("B").samples]
+    assert values == [[100.0, 92.0], [100.0, 91.0]]
+    with pytest.raises(mrjax.InputError, match="count twice"):
+        both("A")
+
+
+def test_repeats_share_the_times_of_a_sample(tmp_path):
+    sample = load(tmp_path, "0,100\n1,92\n1,93\n2,84\n").samples[0]
+    assert sample.times == (0.0, 86400.0, 172800.0)
+    assert [one.place for one in sample.measurements] == [0, 1, 1, 2]
+    assert [one.row for one in sample.measurements] == [2, 3, 4, 5]
 
 
 def test_a_mudline_of_what_rises_may_begin_at_the_floor():

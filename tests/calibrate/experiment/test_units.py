@@ -19,8 +19,34 @@ def test_units_of_velocity_are_those_of_length_over_time():
     for name, si in units.VELOCITY_UNITS.items():
         length, time = name.split("/")
         assert si == near(units.HEIGHT_UNITS[length] / units.TIME_UNITS[time], rel=1e-15)
-    assert units.TIME_UNITS == {"s": 1.0, "min": 60.0, "h": 60.0 * 60.0, "day": 24 * 3600.0}
+    days = {"day": 24 * 3600.0, "week": 7 * 24 * 3600.0}
+    assert {"s": 1.0, "min": 60.0, "h": 60.0 * 60.0} | days == units.TIME_UNITS
     assert units.RATIO_UNITS["%"] == 0.01
+
+
+def test_units_of_height_and_volume_are_those_of_their_prefixes():
+    heights, volumes = units.HEIGHT_UNITS, units.VOLUME_UNITS
+    assert [heights[one] for one in ("m", "dm", "cm", "mm", "um")] == [1, 0.1, 0.01, 1e-3, 1e-6]
+    assert heights["ft"] == near(12 * heights["in"]) and heights["in"] == 25.4 * heights["mm"]
+    for volume, edge in (("m3", "m"), ("L", "dm"), ("mL", "cm"), ("uL", "mm")):
+        assert volumes[volume] == near(heights[edge] ** 3, rel=1e-12)
+    assert volumes["cL"] == near(10 * volumes["mL"]) and volumes["dL"] == near(0.1 * volumes["L"])
+
+
+@pytest.mark.parametrize(
+    "dimension, words, unit",
+    [
+        (units.TIME, "s Sec SECONDS", "s"),
+        (units.TIME, "d Days day.", "day"),
+        (units.HEIGHT, "µm μm um micron Micrometres", "um"),
+        (units.VOLUME, "ml mL ML cm3 cm³ cm^3 cc Millilitres", "mL"),
+        (units.READINGS, "% percent PCT", "%"),
+        (units.READINGS, "in inch Inches", "in"),
+    ],
+)
+def test_a_unit_has_many_spellings(dimension, words, unit):
+    assert {dimension.named(word) for word in words.split()} == {unit}
+    assert dimension.named("furlong") is None and dimension.named("") is None
 
 
 def test_a_prior_between_bounds_is_that_of_the_odds():
@@ -108,29 +134,56 @@ def test_the_speed_of_a_reading_is_that_of_its_mudline(case2, observable, value)
     assert plausibility._speed(sample, one._replace(observable="final_ratio")) == 0.0
 
 
+def readings(ratio, error, times=None, recipe=None):
+    """Readings of a tube of 1 m, in rows 2, 3 and so on."""
+    times = np.arange(float(len(ratio))) if times is None else np.array(times)
+    curve = [
+        Measurement("mudline", one, error[place], "m", 1.0, int(np.unique(times).searchsorted(at)))
+        for place, (one, at) in enumerate(zip(ratio, times, strict=True))
+    ]
+    curve = [one._replace(row=row) for row, one in enumerate(curve, 2)]
+    sample = Sample("A", recipe, 1.0, None, tuple(curve), tuple(np.unique(times)))
+    return plausibility.Readings(sample, curve, np.array(ratio), np.array(error), times)
+
+
 @pytest.mark.parametrize("rise, refused", [(0.5, False), (0.7, True)])
 def test_a_rise_counts_beside_the_errors_of_both_readings(rise, refused):
     """Errors of 0.1 and 0.1: three times their sum is 0.6."""
-    ratio = np.array([1.0, 0.2, 0.2 + rise])
-    errors = np.array([0.5, 0.1, 0.1])
-
-    def named(place):
-        return f"reading {place}"
-
+    given = readings([1.0, 0.2, 0.2 + rise], [0.5, 0.1, 0.1])
     if refused:
-        with pytest.raises(mrjax.InputError, match="reading 2 is above reading 1"):
-            plausibility._rise(named, ratio, errors)
+        words = "mudline = 0.9 m at 2 s is above mudline = 0.2 m at 1 s"
+        with pytest.raises(mrjax.InputError, match=words):
+            plausibility._refuse_rise(given)
     else:
-        assert plausibility._rise(named, ratio, errors) == []
+        plausibility._refuse_rise(given)
+
+
+def test_repeats_of_one_time_are_no_rise():
+    """Two tubes that differ by more than their errors fall side by side."""
+    ratio, times = [1.0, 1.0, 0.8, 0.9, 0.7, 0.8], [0.0, 0.0, 1.0, 1.0, 2.0, 2.0]
+    plausibility._refuse_rise(readings(ratio, [0.01] * 6, times))
+    with pytest.raises(mrjax.InputError, match=r"mudline = 0.9 m at 2 s is above"):
+        plausibility._refuse_rise(readings([*ratio[:4], 0.9, 1.0], [0.01] * 6, times))
 
 
 @pytest.mark.parametrize("drop, told", [(0.019, "told"), (0.021, "refused"), (0.0014, "taken")])
-def test_a_first_reading_may_be_a_little_low(drop, told):
+def test_a_first_reading_may_be_a_little_low(drop, told, case2):
     """An error of 0.0005 allows 0.0015; up to 0.02 it is told, beyond refused."""
-    ratio, errors, times = np.array([1.0 - drop]), np.array([5e-4]), np.array([0.0])
+    given = readings([1.0 - drop, 0.5], [5e-4, 5e-4], recipe=case2)
     if told == "refused":
         with pytest.raises(mrjax.InputError, match="nothing has settled yet"):
-            plausibility._start(str, ratio, errors, times)
+            plausibility._start(given)
     else:
-        assert len(plausibility._start(str, ratio, errors, times)) == (told == "told")
-    assert plausibility._start(str, ratio, errors, times + 1.0) == []
+        assert len(plausibility._start(given)) == (told == "told")
+    assert plausibility._start(given._replace(times=given.times + 1e9)) == []
+
+
+def test_a_first_reading_soon_after_the_start_is_like_one_at_it(case2):
+    """A drop may be true once 100 times the speed of a single particle gives it."""
+    parameters = case2.parameters()
+    alone = float(mrjax.terminal_velocity(parameters.replace(f_w=1.0, f_s=1.0, f_v=1.0)))
+    late = 0.1 / (plausibility.FASTER_AT_FIRST * alone)
+    given = readings([0.9, 0.5], [5e-4, 5e-4], [0.0, 1e9], recipe=case2)
+    assert plausibility._start(given._replace(times=np.array([1.01 * late, 1e9]))) == []
+    with pytest.raises(mrjax.InputError, match="nothing has settled yet"):
+        plausibility._start(given._replace(times=np.array([0.99 * late, 1e9])))
