@@ -65,7 +65,7 @@ def read(
       InputError: the file, its header or a row cannot be used: the file, the line and the remedy.
     """
     table = _of_readings(rows.tables(sheet, folder), sheet, folder / sheet.file)
-    layout = columns.layout(table, sheet.columns, sheet.time_unit)
+    layout = columns.layout(table, sheet.columns, sheet.time_unit, sheet.unit)
     found = points(table, layout)
     cells = [cell for point in found.points for cell in (point.time, point.reading, point.error)]
     mark = decimals.decimal_mark(filter(None, cells), table.delimiter, sheet.decimal)

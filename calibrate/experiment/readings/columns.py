@@ -7,7 +7,7 @@ from calibrate.experiment.readings.headings import OF_READINGS, Heading, Role, h
 from calibrate.experiment.readings.rows import is_numbers
 from calibrate.experiment.readings.sheet import ColumnsSheet
 from calibrate.experiment.readings.table import Row, Table
-from calibrate.experiment.units import TIME
+from calibrate.experiment.units import READINGS, TIME
 from mrjax import InputError
 from mrjax.core.errors import shown
 
@@ -47,8 +47,15 @@ class Layout(NamedTuple):
     """Rows below the header."""
 
 
-def layout(table: Table, stated: ColumnsSheet, time_unit: str | None) -> Layout:
+def layout(
+    table: Table, stated: ColumnsSheet, time_unit: str | None = None, unit: str | None = None
+) -> Layout:
     """The columns of a table, from its header or as stated.
+
+    Args:
+      table: rows of the file.
+      stated: columns of the experiment file.
+      time_unit, unit: stated ones, which tell columns of one name apart.
 
     Raises:
       InputError: a header without time or mudline, or that names two of them.
@@ -70,7 +77,7 @@ def layout(table: Table, stated: ColumnsSheet, time_unit: str | None) -> Layout:
         Column(place, one, one.kind[0]) for place, one in enumerate(heads) if one.kind is not None
     ]
     time, date = _time(chosen["time"], columns, time_unit, at)
-    readings = [one for role in OF_READINGS for one in chosen[role]] or _readings(columns, at)
+    readings = [one for role in OF_READINGS for one in chosen[role]] or _readings(columns, unit, at)
     if time is None or not readings:
         raise InputError(_without(heads, at, row is None))
     errors = chosen["standard_deviation"]
@@ -91,7 +98,7 @@ def layout(table: Table, stated: ColumnsSheet, time_unit: str | None) -> Layout:
 def has_readings(table: Table, stated: ColumnsSheet) -> bool:
     """True if a table has columns of times and readings."""
     try:
-        return bool(layout(table, stated, None).rows)
+        return bool(layout(table, stated).rows)
     except InputError:
         return False
 
@@ -205,11 +212,19 @@ def _time(
     return best[0], None
 
 
-def _readings(columns: list[Column], at: str) -> list[Column]:
-    """The columns of the mudline: those that say it most plainly, which have one name."""
+def _readings(columns: list[Column], unit: str | None, at: str) -> list[Column]:
+    """The columns of the mudline: those that say it most plainly, which have one name.
+
+    The same reading in another unit is left out: it is in the stated one, or in the first.
+    """
     found = [one for one in columns if one.role in OF_READINGS]
     rank = min((one.heading.kind[1] for one in found if one.heading.kind), default=0)
     best = [one for one in found if one.heading.kind and one.heading.kind[1] == rank]
+    named = [one for one in best if one.heading.name == best[0].heading.name]
+    in_unit = [one for one in named if READINGS.named(one.heading.unit) == unit] or [
+        one for one in named if one.heading.unit == named[0].heading.unit
+    ]
+    best = [one for one in best if one in in_unit or one not in named]
     if len({one.heading.base for one in best}) > 1:
         raise InputError(
             f"{at}: {_columns(best)} may be the mudline; state columns = {{mudline = "

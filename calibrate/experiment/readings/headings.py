@@ -72,10 +72,10 @@ class Heading(NamedTuple):
     @property
     def base(self) -> str:
         """The name without what tells repeats apart: numbers, a letter, words in brackets."""
-        plain = _BRACKETS.sub(" ", self.name).strip()
-        plain = re.sub(r"[\s_\-#.]*(?:\d+|(?<=[\s_\-])[a-z])$", "", plain)
-        words = [word for word in plain.replace("_", " ").split() if word not in vocabulary.REPEAT]
-        return re.sub(r"\d+$", "", " ".join(words))
+        words = re.findall(r"[^\W\d_]+", _BRACKETS.sub(" ", self.name))
+        own = [word for word in words if word not in vocabulary.REPEAT]
+        longer = [word for word in own if len(word) > 1]
+        return " ".join(longer or own[:1] if own == words else longer)
 
 
 def heading(written: str) -> Heading:
@@ -136,7 +136,8 @@ def _of_height(name: str, words: set[str], unit: str) -> Kind | None:
         return ("mudline", 2) if fits and not INITIAL.fullmatch(name) else None
     if words & vocabulary.HEIGHT:
         rank = 3 if words & vocabulary.BED else 2
-        return None if words & vocabulary.VESSEL else ("mudline", rank)
+        of_vessel = words & vocabulary.VESSEL and not re.search(r"\d|\b[a-z]\b", name)
+        return None if of_vessel else ("mudline", rank)
     if words & (vocabulary.BED | vocabulary.READING):
         return "mudline", 3 if words & vocabulary.BED else 4
     if words & vocabulary.REPEAT:

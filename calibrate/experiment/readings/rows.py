@@ -69,8 +69,8 @@ def _table(content: bytes, path: Path, sheet: CurveSheet) -> Table:
         plain = line.strip()
         if not lines and (named := _SEPARATOR.fullmatch(plain)):
             mark = mark or named[1]
-        elif plain.startswith(COMMENTS):
-            comment = comment if lines else (number, plain.lstrip("#%/ \t"))
+        elif plain.lstrip('"').startswith(COMMENTS):
+            comment = comment if lines else (number, plain.lstrip('"#%/ \t'))
         elif plain:
             lines.append((number, line))
     mark = delimiter.delimiter_of(lines, mark, str(path))

@@ -73,15 +73,16 @@ def _of_numbers(column: Sequence[Cell], head: Heading, sheet: CurveSheet, mark: 
         own = TIME.named(number.unit) if number.unit else unit
         if own is None and number.unit:
             raise cells.not_a_number(cell)
-        unit = unit or own
-        if own is None or own != unit:
-            said = f"is in {own}, others in {unit}; write one unit" if own else "has no unit; "
-            raise cell.refuse(said if own else said + NEEDS_A_UNIT)
+        if own is None:
+            raise cell.refuse(f"has no unit; {NEEDS_A_UNIT}")
+        if unit is not None and own != unit:
+            raise cell.refuse(f"is in {own}, and its column in {unit}; mend one")
         value = cells.value(cell, number.written, mark)
         if value < 0.0:
             raise InputError(f"{cell.at}: {cell.name} = {value:g} is negative; mend the row")
         seconds.append(TIME_UNITS[own] * value)
-    return Times(seconds, unit or "s", unit or "s")
+    unit = unit or _told_in(seconds)
+    return Times(seconds, unit, unit)
 
 
 def _agreed(first: Cell, of_header: str | None, stated: str | None) -> str | None:

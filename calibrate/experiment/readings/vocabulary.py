@@ -5,7 +5,7 @@ def _words(text: str) -> frozenset[str]:
     return frozenset(text.split())
 
 
-ERROR = _words("sd std stdev stddev deviation sigma error errors err uncertainty unc ±") | {
+ERROR = _words("sd std stdev stddev deviation sigma error errors err uncertainty unc") | {
     "\N{GREEK SMALL LETTER SIGMA}"
 }
 TIME = _words(

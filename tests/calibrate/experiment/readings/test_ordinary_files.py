@@ -72,6 +72,10 @@ def heights(found) -> np.ndarray:
         ("mudline (mm),time (min)\n760,0\n701,1\n656,2\n", {}),
         # Extra columns, blanks and comments
         ("no,time,temp (C),mudline,note\n1,0,20,760,\n2,1,20,701,clear\n3,2,21,656,\n", UNITS),
+        ("time (min),h (mm),h (cm),h (%)\n0,760,76,100\n1,701,70,92\n2,656,66,86\n", {}),
+        ("time (min),h (%),h (mm)\n0,100,760\n1,92,701\n2,86,656\n", {"unit": "mm"}),
+        (",t (min),h (mm)\n0,0,760\n1,1,701\n2,2,656\n", {}),
+        ('"# by eye, twice"\ntime,mudline\n' + TWO, UNITS),
         ("time,initial height,mudline\n0,760,760\n1,760,701\n2,760,656\n", UNITS),
         ("t (h),t (min),h (mm)\n0,0,760\n0.01667,1,701\n0.03333,2,656\n", {"time_unit": "min"}),
         ("time,mudline,\n0,760,\n1,701,\n2,656,\n", UNITS),
@@ -90,6 +94,7 @@ def heights(found) -> np.ndarray:
         ("time [Hours],h (mm)\n0,760\n0.016666666666666666,701\n0.03333333333333333,656\n", {}),
         ("time,h (mm)\n0 min,760\n1 min,701\n2 min,656\n", {}),
         ("time,mudline\n0 min,760 mm\n1 min,701 mm\n2 min,656 mm\n", {}),
+        ("time,h (mm)\n0 s,760\n60 sec,701\n2 min,656\n", {}),
         # Clocks and dates
         ("time,mudline\n00:00,760\n00:01,701\n00:02,656\n", UNITS),
         ("time (hh:mm),h (mm)\n0:00,760\n0:01,701\n0:02,656\n", {}),
@@ -193,6 +198,8 @@ def test_units_of_time_have_many_names(tmp_path, unit, words):
         "time,mudline,mudline\n0,760,\n1,701,703\n2,,656\n",
         "time,mudline 1,mudline 2\n0,760,\n1,701,703\n2,,656\n",
         "time,h1,h2\n0,760,-\n1,701,703\n2,-,656\n",
+        "time,tube 1 height,tube 2 height\n0,760,-\n1,701,703\n2,-,656\n",
+        "time,height A,height B\n0,760,-\n1,701,703\n2,-,656\n",
         "time,tube A,tube B\n0,760,-\n1,701,703\n2,-,656\n",
         "time,mudline (tube 1),mudline (tube 2)\n0,760,-\n1,701,703\n2,-,656\n",
     ],

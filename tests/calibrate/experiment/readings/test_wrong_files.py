@@ -91,6 +91,7 @@ def refusal(folder, content, height=0.76, tube_diameter=None, name="a.csv", **st
         ("time (min),sedimentation_ratio (mm)\n0,1\n1,0.9\n", {}, ["'mm'", "1, %"]),
         ("time (min),sedimentation_ratio\n0,100%\n1,92%\n", {"unit": "1"}, ["'100%'", "is in %"]),
         ("time (min),volume (mL)\n0,1000\n1,900\n", {}, ["line 2", "mL", "tube_diameter"]),
+        ("time (min),h (mm)\n0,760\n1 h,701\n", {}, ["line 3", "'1 h' is in h", "in min"]),
         # Headers
         ("", UNITS, ["line 1", "the header is missing", "time and one of mudline"]),
         ("# nothing\n\n", UNITS, ["the header is missing"]),
