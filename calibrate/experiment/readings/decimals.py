@@ -29,7 +29,9 @@ def decimal_mark(numbers: Iterable[Cell], delimiter: str, stated: str | None) ->
     first: dict[str, Cell] = {}
     ambiguous: Cell | None = None
     plain = False
+    last: Cell | None = None
     for cell in numbers:
+        last = cell
         number = cells.number(cell.text)
         if number is None or is_clock_or_date(cell.text):
             continue
@@ -49,6 +51,11 @@ def decimal_mark(numbers: Iterable[Cell], delimiter: str, stated: str | None) ->
     if stated is not None and (against := first.get(other[stated])):
         raise against.refuse(
             f'has another decimal mark than decimal = "{stated}", which is stated; mend one'
+        )
+    if stated == delimiter == "," and "," not in first and last is not None:
+        raise last.refuse(
+            'stands between commas, and decimal = "," is stated; state another delimiter, or take '
+            "decimal away"
         )
     if len(first) > 1:
         raise first[","].refuse(

@@ -36,13 +36,13 @@ class Heading(NamedTuple):
     @property
     def words(self) -> set[str]:
         """The words of its name."""
-        return set(re.findall(r"[^\W\d_]+|±", self.name))
+        return set(re.findall(r"[^\W\d_]+", self.name))
 
     @property
     def kind(self) -> Kind | None:
         """The role of its column and the rank among others; None if it has none."""
         words = self.words
-        if words & vocabulary.ERROR:
+        if words & vocabulary.ERROR or self.name in ("±", "+/-"):
             return None if words & vocabulary.TIME else ("standard_deviation", 0)
         if self.name == "t" or (words & vocabulary.TIME and not words & vocabulary.OTHER):
             foreign = self.unit in FOREIGN and self.name == "t"
@@ -132,8 +132,9 @@ def _of_height(name: str, words: set[str], unit: str) -> Kind | None:
         return None
     letter = re.sub(r"[\d\s_#.]+", "", _BRACKETS.sub("", name))
     if letter in vocabulary.SYMBOLS:
-        fits = not vocabulary.SYMBOLS[letter] or VOLUME.named(unit)
-        return ("mudline", 2) if fits and not INITIAL.fullmatch(name) else None
+        fits = not vocabulary.SYMBOLS[letter] or not unit or VOLUME.named(unit)
+        rank = 2 if unit or not vocabulary.SYMBOLS[letter] else 4
+        return ("mudline", rank) if fits and not INITIAL.fullmatch(name) else None
     if words & vocabulary.HEIGHT:
         rank = 3 if words & vocabulary.BED else 2
         of_vessel = words & vocabulary.VESSEL and not re.search(r"\d|\b[a-z]\b", name)

@@ -65,7 +65,7 @@ def _of_numbers(column: Sequence[Cell], head: Heading, sheet: CurveSheet, mark: 
             f"is in {shown(head.unit)} by its header, which is no unit of time; {NEEDS_A_UNIT}"
         )
     unit = _agreed(column[0], of_header, sheet.time_unit)
-    seconds = []
+    seconds, units = [], {unit} - {None}
     for cell in column:
         number = cells.number(cell.text)
         if number is None:
@@ -81,7 +81,8 @@ def _of_numbers(column: Sequence[Cell], head: Heading, sheet: CurveSheet, mark: 
         if value < 0.0:
             raise InputError(f"{cell.at}: {cell.name} = {value:g} is negative; mend the row")
         seconds.append(TIME_UNITS[own] * value)
-    unit = unit or _told_in(seconds)
+        units.add(own)
+    unit = (units.pop() if len(units) == 1 else None) or _told_in(seconds)
     return Times(seconds, unit, unit)
 
 

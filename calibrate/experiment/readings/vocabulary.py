@@ -26,7 +26,7 @@ HEIGHT = _words(
     "volume vol"
 )
 SYMBOLS = {"h": False, "z": False, "y": False, "v": True}
-"""Letters for a mudline; true of one that needs the unit of a volume."""
+"""Letters for a mudline; true of one whose unit is that of a volume."""
 BED = _words("sediment sedimented settled bed cake")
 READING = _words("reading readings value values measurement measurements measured position")
 REPEAT = _words("run tube repeat replicate rep trial test cylinder column")

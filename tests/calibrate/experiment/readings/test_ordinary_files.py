@@ -131,6 +131,10 @@ def heights(found) -> np.ndarray:
             "time (min),volume (mL)\n0,1492.2565105\n1,1376.410281\n2,1288.053\n",
             {},
         ),
+        (
+            "t,V\n0,1492.2565105\n1,1376.410281\n2,1288.053\n",
+            {"time_unit": "min", "unit": "mL"},
+        ),
         ("time (min),volume (cm³)\n0,1492.2565105\n1,1376.410281\n2,1288.053\n", {}),
         ("time (min),supernatant (mm)\n0,0\n1,59\n2,104\n", {}),
         ("time (min),Clear layer depth (cm)\n0,0\n1,5.9\n2,10.4\n", {}),

@@ -139,6 +139,7 @@ def refusal(folder, content, height=0.76, tube_diameter=None, name="a.csv", **st
         (H + TWO, {"delimiter": "x"}, ["delimiter = 'x'", "not known"]),
         ("t (min);h (mm)\n0;76.0\n1;70.1\n", {"decimal": ","}, ["'76.0'", 'decimal = ","']),
         ("t (min);h (mm)\n0;76,0\n1;70,1\n", {"decimal": "."}, ["'76,0'", 'decimal = "."']),
+        (H + TWO, {"decimal": ","}, ["between commas", 'decimal = "," is stated']),
         (H + TWO, {"encoding": "utf-7000"}, ["encoding = 'utf-7000'", "not known"]),
         (H + TWO, {"encoding": "base64"}, ["encoding = 'base64'", "not known"]),
         (H + TWO, {"encoding": "utf-16"}, ["'utf-16' is stated", "take encoding away"]),
