@@ -115,9 +115,6 @@ class Calibration:
                 sample.name: sample.recipe.model_dump(mode="json", exclude_none=True)
                 for sample in self.experiment.samples
             },
-            "data_as_understood": {
-                name: one.table() for name, one in self.experiment.data_as_understood.items()
-            },
             "model": _name(self.options.model),
             "begun_with": _name(self.options.begin_with),
             "seed": self.options.seed,

@@ -89,6 +89,12 @@ class Experiment:
         """How the file of each curve was read, by sample."""
         return {sample.name: sample.curve for sample in self.samples if sample.curve is not None}
 
+    @property
+    def errors(self) -> str:
+        """`stated`, or `estimated` where those of any curve are."""
+        all_stated = all(one.errors == "stated" for one in self.data_as_understood.values())
+        return "stated" if all_stated else "estimated"
+
     def varied(self, sample: Sample) -> tuple[str, ...]:
         """Names of what is fitted of a sample."""
         return tuple(one.name for one in self.parameters if sample.name in one.samples)

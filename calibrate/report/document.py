@@ -42,7 +42,7 @@ and {result["degrees_of_freedom"]} degrees of freedom; {result["model_runs"]} mo
 
 ## Predicted against measured
 
-{predictions}
+{_understood(result)}{predictions}
 {shown("predictions", "curves", "residuals")}
 
 ## What the data determine
@@ -84,6 +84,15 @@ def _verdict(result: dict[str, Any]) -> str:
     if result["other_optima"]:
         verdict += f" {len(result['other_optima'])} of the starts ended in worse optima."
     return verdict
+
+
+def _understood(result: dict[str, Any]) -> str:
+    """How the file of each curve was read."""
+    lines = [
+        f"Sample {in_markdown(name)}: {in_markdown(one['line'])}.\n\n"
+        for name, one in result["data_as_understood"].items()
+    ]
+    return "".join(lines)
 
 
 def _predictions(result: dict[str, Any]) -> str:

@@ -41,6 +41,9 @@ def summary(
 ) -> dict[str, Any]:
     """A fit as plain tables. `predicted` is `problem.predict`, (M,)."""
     agreed = agreement(problem, fit, identification, predicted)
+    errors = problem.experiment.errors
+    if errors == "estimated":
+        agreed = agreed._replace(p_value=None)  # they come from the readings that p would test
     validity_of = {
         sample.name: _validity(problem.experiment.suspension_of(sample, fit.theta).parameters)
         for sample in problem.experiment.samples
@@ -50,6 +53,9 @@ def summary(
         "on_a_kink": fit.on_a_kink,
         "parameters": _parameters(problem, fit, identification, profiles, samples),
         **_what_is_determined(problem, fit, identification),
+        "data_as_understood": {
+            name: one.table() for name, one in problem.experiment.data_as_understood.items()
+        },
         "predictions": _predictions(problem, fit, predicted),
         "validity": {
             name: {one.name: {"value": one.value, "holds": one.holds} for one in numbers}
@@ -58,7 +64,7 @@ def summary(
         "warnings": _warnings(problem, fit, validity_of),
         "notes": _notes(problem, fit),
         "chi_squared": fit.chi_squared,
-        **_agreement(agreed),
+        **_agreement(agreed, errors),
         "robust": fit.robust,
         "singular_values": identification.singular_values,
         "model_runs": fit.model_runs,
@@ -161,7 +167,7 @@ def _validity(parameters: Parameters) -> tuple[dimensionless.Number, ...]:
     return dimensionless.numbers(parameters, terminal_velocity(parameters))
 
 
-def _agreement(agreed: Agreement) -> dict[str, Any]:
+def _agreement(agreed: Agreement, errors: str) -> dict[str, Any]:
     return {
         "degrees_of_freedom": agreed.degrees_of_freedom,
         "reduced_chi_squared": agreed.reduced_chi_squared,
@@ -169,7 +175,7 @@ def _agreement(agreed: Agreement) -> dict[str, Any]:
         "residuals_over_range": agreed.share,
         "misfit": agreed.misfit,
         "contradicts": agreed.contradicts,
-        "errors": "stated",
+        "errors": errors,
         "error_scale": agreed.error_scale,
     }
 

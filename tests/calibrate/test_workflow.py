@@ -1,12 +1,14 @@
 """The workflow as a call: what is asked for is done, and what goes wrong later is collected."""
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
 
 import mrjax
 from calibrate import Experiment, calibration
+from calibrate.__main__ import cli
 from calibrate.calibration import Options, calibrate_experiment
 
 
@@ -56,6 +58,58 @@ def test_what_is_assumed_for_contacts_is_noted_where_particles_are_run(fang, mod
     before, after = done.tables()["notes"], changed.tables()["notes"]
     assert after[: len(before)] == before and len(after) == len(before) + assumed
     assert all(note.startswith("sample A: ") for note in after[len(before) :])
+
+
+READ = """
+name = "read"
+[[sample]]
+name = "A"
+recipe = "case2"
+height = 0.1
+bed_fraction = 0.5
+curve = {file = "a.csv"}
+[[parameter]]
+name = "f_w"
+median = 50.0
+"""
+
+
+def with_a_curve(folder, content, sheet=READ):
+    (folder / "a.csv").write_text(content)
+    (folder / "one.toml").write_text(sheet)
+    return folder / "one.toml"
+
+
+def test_a_fit_says_how_it_read_its_data(tmp_path, capsys):
+    """One line before the work, and the same in fit.json and the report."""
+    content = "# by eye\nTime (d);h [mm];sd;T\n0;100;0,5;20\n1;92;0,5;20\n2;-;;\n3;75,9;0,5;20\n"
+    path, out = with_a_curve(tmp_path, content), tmp_path / "out"
+    asked = [str(path), "--model", "closed-form", "--out", str(out)]
+    cli.main(asked, standalone_mode=False)
+    line = (
+        "'a.csv' (UTF-8, semicolons, decimal commas): time in day from 'Time (d)', mudline in mm "
+        "from 'h [mm]'; 3 readings, 100 mm at 0 day to 75.9 mm at 3 day; standard deviation "
+        "0.5 mm, stated; not used: 'T'; without a reading: line 5"
+    )
+    assert capsys.readouterr().out.splitlines()[0] == f"Sample A: {line}"
+    said = json.loads((out / "fit.json").read_text("utf-8"))
+    table = said["data_as_understood"]["A"]
+    assert (table["line"], table["unit"], table["time_unit"]) == (line, "mm", "day")
+    assert (table["first"], table["last"]) == ([0.0, 100.0], [3.0, 75.9])
+    assert (table["ignored_columns"], table["left_out"]) == (["T"], [5])
+    assert said["errors"] == "stated" and said["p_value"] is not None
+    assert "decimal commas" in (out / "report.md").read_text("utf-8")
+    for silent in ("--quiet", "--json"):
+        cli.main([*asked, silent], standalone_mode=False)
+        assert "Sample A:" not in capsys.readouterr().out
+
+
+def test_without_stated_errors_there_is_no_p(tmp_path):
+    content = "time (d),h (mm)\n0,100\n1,92\n2,84.2\n3,75.9\n4,68\n"
+    experiment = Experiment.load(with_a_curve(tmp_path, content))
+    said = calibrate_experiment(experiment, Options("closed-form")).tables()
+    assert said["errors"] == experiment.errors == "estimated" and said["p_value"] is None
+    assert not said["contradicts"] and said["data_as_understood"]["A"]["errors"] == "estimated"
 
 
 def test_of_a_fit_that_did_not_converge_nothing_is_derived(fang, monkeypatch):
