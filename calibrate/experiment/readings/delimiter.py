@@ -58,12 +58,13 @@ def rows(lines: Iterable[Line], delimiter: str, path: str) -> Iterator[Row]:
             yield Row(number, _WORDS.findall(line))
         return
     at = 0
+    behind_quote = re.compile(rf'"[ ]+(?={re.escape(delimiter)}|$)')
 
     def told() -> Iterator[str]:
         nonlocal at
         for number, line in lines:
             at = at or number
-            yield line
+            yield behind_quote.sub('"', line) + "\n"
 
     reader = csv.reader(told(), delimiter=delimiter, strict=True, skipinitialspace=True)
     while True:

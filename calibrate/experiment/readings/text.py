@@ -27,6 +27,10 @@ NAMES = {
 """Encodings as people call them."""
 
 
+OF_ESCAPES = ("unicode-escape", "raw-unicode-escape", "utf-7", "punycode", "idna")
+"""Encodings that no instrument writes, and in which plain text means something else."""
+
+
 class Decoded(NamedTuple):
     """Text, and the encoding it was in."""
 
@@ -69,9 +73,10 @@ def decoded(content: bytes, path: Path, stated: str | None) -> Decoded:
 def _stated(stated: str, mark: str | None, content: bytes, path: Path) -> str:
     """The codec of a stated encoding."""
     try:
-        codec = codecs.lookup(stated)
-        name = codec.name
+        name = codecs.lookup(stated).name
         "".encode(name)  # what is no encoding of text, such as base64, is refused here
+        if name in OF_ESCAPES:
+            raise LookupError
     except (LookupError, ValueError):
         raise InputError(
             f"{path}: encoding = {shown(stated)} is not known; give utf-8, utf-16 or latin-1"
