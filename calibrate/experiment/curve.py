@@ -69,7 +69,10 @@ def read(
     found = points(table, layout)
     cells = [cell for point in found.points for cell in (point.time, point.reading, point.error)]
     mark = decimals.decimal_mark(filter(None, cells), table.delimiter, sheet.decimal)
-    when = times([point.time for point in found.points], layout.time.heading, sheet, mark)
+    head = layout.time.heading
+    if layout.date is not None:
+        head = head._replace(name="time of day")
+    when = times([point.time for point in found.points], head, sheet, mark)
     read = values(found.points, layout, sheet, Tube(height, tube_diameter), mark)
     if min(when.seconds) == max(when.seconds):
         raise InputError(f"{table.path}: has readings at one time alone; give a second time")

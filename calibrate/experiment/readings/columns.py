@@ -35,7 +35,7 @@ class Layout(NamedTuple):
 
     time: Column
     date: Column | None
-    """The date of a time of day that has a column of its own."""
+    """The date, or the number of the day, of a time of day that has a column of its own."""
     readings: list[Column]
     """The mudline, once or with its repeats."""
     error: Column | None
@@ -195,8 +195,8 @@ def _time(
     times = stated or [one for one in columns if one.role == "time"]
     if len(times) < 2:
         return (times[0] if times else None), None
-    dates = [one for one in times if not one.heading.words - vocabulary.DATE]
-    clocks = [one for one in times if not one.heading.of_dates]
+    dates = [one for one in times if _is_day(one.heading)]
+    clocks = [one for one in times if one not in dates and not one.heading.of_dates]
     if len(dates) == 1 and len(clocks) == 1 and not clocks[0].heading.unit:
         return clocks[0], dates[0]
     in_unit = [one for one in times if time_unit and TIME.named(one.heading.unit) == time_unit]
@@ -210,6 +210,12 @@ def _time(
             f"{shown(best[0].named)}}}"
         )
     return best[0], None
+
+
+def _is_day(head: Heading) -> bool:
+    """True of a header that says date, or day, and no more."""
+    day = not head.name and TIME.named(head.unit) == "day"
+    return day or (head.of_dates and not head.words - vocabulary.DATE)
 
 
 def _readings(columns: list[Column], unit: str | None, at: str) -> list[Column]:

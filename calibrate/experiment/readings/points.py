@@ -5,7 +5,7 @@ from typing import NamedTuple
 from calibrate.experiment.readings import cells
 from calibrate.experiment.readings.cells import Cell
 from calibrate.experiment.readings.columns import Column, Layout
-from calibrate.experiment.readings.dates import is_clock, is_clock_or_date
+from calibrate.experiment.readings.dates import is_clock, is_clock_or_date, is_date
 from calibrate.experiment.readings.table import Row, Table
 from calibrate.experiment.units import TIME
 from mrjax import InputError
@@ -85,10 +85,12 @@ def _reading(at: str, row: Row, column: Column) -> Cell:
 
 
 def _time(at: str, row: Row, layout: Layout) -> Cell:
-    """The time of a row, behind its date where that has a column of its own."""
+    """The time of a row, behind its date or day where that has a column of its own."""
     time = _cell(at, row, layout.time)
     date = row.cell(layout.date.place) if layout.date else ""
     if not date or not is_clock(time.text):
         return time
+    if cells.number(date) is not None and not is_date(date):
+        return time._replace(text=f"{date.removesuffix('.0')}d {time.text}")
     day = date.split(" ")[0] if " 00:00" in date else date
     return time._replace(text=f"{day} {time.text}")

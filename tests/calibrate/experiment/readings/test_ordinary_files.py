@@ -75,7 +75,7 @@ def heights(found) -> np.ndarray:
         ("time (min),h (mm),h (cm),h (%)\n0,760,76,100\n1,701,70,92\n2,656,66,86\n", {}),
         ("time (min),h (%),h (mm)\n0,100,760\n1,92,701\n2,86,656\n", {"unit": "mm"}),
         (",t (min),h (mm)\n0,0,760\n1,1,701\n2,2,656\n", {}),
-        ('"# by eye, twice"\ntime,mudline\n' + TWO, UNITS),
+        ('"# by eye, twice"\ntime,mudline\n' + TWO + '"# shaken, twice"\n', UNITS),
         ("time,initial height,mudline\n0,760,760\n1,760,701\n2,760,656\n", UNITS),
         ("t (h),t (min),h (mm)\n0,0,760\n0.01667,1,701\n0.03333,2,656\n", {"time_unit": "min"}),
         ("time,mudline,\n0,760,\n1,701,\n2,656,\n", UNITS),
@@ -238,6 +238,15 @@ def test_rows_and_columns_that_are_not_used_are_named(tmp_path):
         "2 readings, 760 mm at 0 min to 656 mm at 2 min; standard deviation 3 mm, stated; "
         "not used: 'temp'; without a reading: lines 4, 6"
     )
+
+
+def test_days_and_times_of_the_day_may_have_two_columns(tmp_path):
+    content = "Day,Time,h (mm)\n1,09:00,760\n2,09:00,701\n2,17:30,690\n10,08:00,656\n"
+    found = read(tmp_path, content)
+    assert found.times == [0.0, DAY, DAY + 8.5 * HOUR, 9 * DAY - HOUR]
+    assert "from 'Day' and 'Time'" in found.understood.line
+    elapsed = read(tmp_path, content.replace("Time", "t (h)").replace(":00", "").replace(":30", ""))
+    assert elapsed.times[0] == 8 * HOUR and elapsed.understood.ignored_columns == ("Day",)
 
 
 def test_long_times_are_told_in_long_units(tmp_path):

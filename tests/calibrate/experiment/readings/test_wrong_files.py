@@ -125,6 +125,7 @@ def refusal(folder, content, height=0.76, tube_diameter=None, name="a.csv", **st
         ("time,mudline\n0,5,76,0\n1,701\n", UNITS, ["line 2", "4 cells for 2", "point"]),
         ("time,mudline\n0,760\n1;701\n", UNITS, ["line 3", "'1;701'"]),
         ('time,mudline\n0,"760\n1,701\n', UNITS, ["line 2", "quotation marks"]),
+        ("sep=,\ntime,mudline\n0,760;a\n1,701;b\n", UNITS, ["line 3", "'760;a'"]),
         # Errors
         ("t (min),h (mm),sd\n0,760,0\n1,701,3\n", {}, ["line 2", "= 0 must be above zero"]),
         ("t (min),h (mm),sd\n0,760,-1\n1,701,3\n", {}, ["line 2", "= -1 must be above zero"]),
