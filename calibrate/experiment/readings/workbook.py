@@ -16,8 +16,8 @@ MOST_UNPACKED = 2 * 10**8
 """Bytes of a workbook beyond which it holds no curve."""
 MOST_ROWS = 100_002
 COMMENT = re.compile(r"#(?!N/A)")
-ORIGIN = datetime(1899, 12, 30)
-"""Day 0 of a workbook: times beyond a day are told as dates after it."""
+FIRST_YEAR = 1901
+"""Times of more than a day are dates of the year before it, from the first day of a workbook."""
 
 
 def tables(content: bytes, path: Path, stated: str | int | None) -> list[Table]:
@@ -90,6 +90,8 @@ def _rows(sheet: Any, path: str) -> Iterator[Row]:
 
 def _shown(value: Any, number_format: str | None) -> str:
     """The text that a cell of a text file would have."""
+    from openpyxl.utils.datetime import to_excel
+
     match value:
         case None:
             return ""
@@ -99,8 +101,8 @@ def _shown(value: Any, number_format: str | None) -> str:
             return f"{100.0 * value:.15g}%"
         case int() | float():
             return f"{value:.15g}"
-        case datetime() if value.year < 1901:
-            return _clock(value - ORIGIN)
+        case datetime() if value.year < FIRST_YEAR:
+            return _clock(timedelta(days=to_excel(value)))
         case datetime():
             return value.isoformat(" ")
         case date():

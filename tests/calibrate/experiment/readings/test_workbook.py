@@ -92,6 +92,19 @@ def test_elapsed_times_beyond_a_day(tmp_path):
     assert found.times == [1800.0, 84600.0, 171000.0]
 
 
+def test_elapsed_times_that_a_clock_shows(tmp_path):
+    """A number of days in the format of a clock: beyond a day it comes as a date of 1900."""
+    made = openpyxl.Workbook()
+    for row in (["time", "h (mm)"], [0.25, 760], [1.5, 701], [59.75, 690], [75.0, 656]):
+        made.active.append(row)
+    for cell in made.active["A"]:
+        cell.number_format = "hh:mm:ss"
+    saved = io.BytesIO()
+    made.save(saved)
+    found = read(tmp_path, saved.getvalue(), name="a.xlsx")
+    np.testing.assert_allclose(np.array(found.times) / 86400.0, [0.25, 1.5, 59.75, 75.0])
+
+
 def test_cells_shown_in_percent_are_percent(tmp_path):
     made = openpyxl.Workbook()
     for row in (["time (min)", "ratio"], [0, 1.0], [1, 0.925]):
