@@ -139,8 +139,8 @@ def _understood(
     named = [one.named for one in layout.readings]
     time = " and ".join(shown(one.named) for one in (layout.date, layout.time) if one)
     used: dict[str, str] = {"time": time, layout.readings[0].role: " and ".join(map(shown, named))}
-    if layout.error is not None:
-        used[ERROR] = shown(layout.error.named)
+    if layout.errors:
+        used[ERROR] = " and ".join(shown(one.named) for one in layout.errors)
     told = [second / TIME_UNITS[when.unit] for second in (when.seconds[0], when.seconds[-1])]
     return Understood(
         file=sheet.file,

@@ -50,6 +50,12 @@ class Readings(NamedTuple):
         time = self.times[place] / TIME_UNITS[name]
         return f"{one.observable} = {one.value:g}{unit} at {time:g} {name}"
 
+    @property
+    def tube(self) -> str:
+        """What gives the height that a reading is compared with: `height`, or also the diameter."""
+        of_volume = self.curve[0].unit in VOLUME_UNITS
+        return "tube_diameter or height" if of_volume else "height"
+
     def _row(self, one: Measurement) -> str:
         file = self.sample.curve
         return "" if file is None else f"{file.file}, {file.row_word} {one.row}: "
@@ -95,10 +101,10 @@ def _refuse_above(readings: Readings) -> None:
     for place in np.flatnonzero(ratio - 1.0 > ERRORS * error)[:1]:
         of_height = first.observable == "sedimentation_ratio"
         most = "1" if of_height else f"height = {readings.sample.height:g} m"
-        tube = ", tube_diameter" if first.unit in VOLUME_UNITS else ""
+        unit = "its unit" if of_height else f"its unit or {readings.tube}"
         raise InputError(
             f"{readings.said(place)} is above {most}, by more than its error; mend the reading, "
-            f"its unit{'' if of_height else f'{tube} or height'}"
+            f"{unit}"
         )
 
 
@@ -108,8 +114,8 @@ def _refuse_below_particles(readings: Readings) -> None:
     for place in np.flatnonzero(solids - ratio > ERRORS * readings.error)[:1]:
         raise InputError(
             f"{readings.said(place)} is {ratio[place]:.3g} of the height, less than the particles "
-            f"alone would fill, {solids:.3g}; mend the unit, height or composition, or give the "
-            "mudline where the clear layer was read"
+            f"alone would fill, {solids:.3g}; mend unit, {readings.tube} or composition, or give "
+            "the mudline where the clear layer was read"
         )
 
 
@@ -126,7 +132,7 @@ def _start(readings: Readings) -> list[str]:
         return []
     text = (
         f"{readings.said(0)} is {ratio[0]:.4g} of the height, where nothing has settled yet; mend "
-        "height or unit, or give the mudline where the clear layer was read"
+        f"{readings.tube} or unit, or give the mudline where the clear layer was read"
     )
     if low > SHARE:
         raise InputError(text)

@@ -38,7 +38,8 @@ class Layout(NamedTuple):
     """The date, or the number of the day, of a time of day that has a column of its own."""
     readings: list[Column]
     """The mudline, once or with its repeats."""
-    error: Column | None
+    errors: list[Column]
+    """None, one for all readings, or one for each repeat."""
     ignored: list[str]
     """Headers of columns that are not read."""
     width: int
@@ -82,8 +83,11 @@ def layout(
         raise InputError(_without(heads, at, row is None))
     errors = chosen["standard_deviation"]
     errors = errors or [one for one in columns if one.role == "standard_deviation"]
-    if len(errors) > 1:
-        raise InputError(f"{at}: has {len(errors)} columns of errors; give one for all readings")
+    if len(errors) not in (0, 1, len(readings)):
+        raise InputError(
+            f"{at}: has {len(errors)} columns of errors for {len(readings)} of readings; give one "
+            "for all, or one for each"
+        )
     used = [one.place for one in (time, date, *readings, *errors) if one is not None]
     if len(set(used)) < len(used):
         raise InputError(f"{at}: columns has one twice, for time, mudline or errors; mend it")
@@ -92,7 +96,7 @@ def layout(
         for place, one in enumerate(heads)
         if place not in used and (one.written or row is None)
     ]
-    return Layout(time, date, readings, errors[0] if errors else None, ignored, width, rows)
+    return Layout(time, date, readings, errors, ignored, width, rows)
 
 
 def has_readings(table: Table, stated: ColumnsSheet) -> bool:

@@ -15,7 +15,8 @@ from mrjax.core.errors import shown
 
 _CLOCK = re.compile(
     r"(?P<sign>[-+]?)(?:(?P<days>[0-9]+)\s*(?:d|days?|tage?)[\s,]+)?"
-    r"(?P<hours>[0-9]{1,6}):(?P<minutes>[0-9]{1,2})(?::(?P<seconds>[0-9]{1,2}(?:[.,][0-9]+)?))?",
+    r"(?P<hours>[0-9]{1,6}):(?P<minutes>[0-9]{1,2})(?::(?P<seconds>[0-9]{1,2}(?:[.,][0-9]+)?))?"
+    r"(?:\s*(?P<half>[ap])\.?m\.?)?",
     re.IGNORECASE,
 )
 _DATE = re.compile(
@@ -51,6 +52,12 @@ def is_date(text: str) -> bool:
     return _DATE.fullmatch(text) is not None
 
 
+def is_of_day(text: str) -> bool:
+    """True if a time of a clock is one of the day, with AM or PM behind it."""
+    match = _CLOCK.fullmatch(text)
+    return match is not None and match["half"] is not None
+
+
 def clock_seconds(cell: Cell, minutes_first: bool = False) -> float:
     """Seconds of `hh:mm` or `hh:mm:ss`, or of `mm:ss` where minutes are first.
 
@@ -61,6 +68,8 @@ def clock_seconds(cell: Cell, minutes_first: bool = False) -> float:
     if match is None:
         raise cell.refuse("is no time such as 1:30 or 01:30:00, as others are; mend the row")
     first, second = int(match["hours"]), int(match["minutes"])
+    if match["half"]:
+        first = first % 12 + (12 if match["half"] in "pP" else 0)
     third = float((match["seconds"] or "0").replace(",", "."))
     if second >= 60 or third >= 60:
         raise cell.refuse(
@@ -176,7 +185,7 @@ def _plain(text: str) -> str:
     else:
         day, time = text, ""
     day = re.sub(r"[-/.,\s]+", "-", day.strip())
-    return f"{day} {re.sub(r'(?<=[0-9])(?=[AaPp])', ' ', time.replace(',', '.'))}".strip()
+    return f"{day} {re.sub(r'(?<=[0-9])(?=[AaPp])', ' ', time.replace(',', '.')).upper()}".strip()
 
 
 def _parsed(text: str, formats: list[str]) -> datetime | None:

@@ -51,7 +51,7 @@ class Heading(NamedTuple):
             return _of_unit_alone(self.unit)
         if words & vocabulary.OTHER - {"initial", "total", "liquid", "water", "number"}:
             return None
-        if words & vocabulary.CLEAR:
+        if words & vocabulary.CLEAR and not words & vocabulary.INTERFACE:
             return "supernatant", 6
         heights = vocabulary.HEIGHT | vocabulary.INTERFACE
         relative = words & vocabulary.RELATIVE and words & heights

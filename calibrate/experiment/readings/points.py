@@ -55,9 +55,9 @@ def points(table: Table, layout: Layout) -> Points:
         if not filled or cells.is_missing(time.text):
             left_out.append(row.number)
             continue
-        error = _cell(at, row, layout.error) if layout.error else None
-        error = None if error and cells.is_missing(error.text) else error
-        found += [Point(row, time, _reading(at, row, one), error) for one in filled]
+        found += [
+            Point(row, time, _reading(at, row, one), _error(at, row, one, layout)) for one in filled
+        ]
     if len(found) < 2:
         raise InputError(
             f"{table.path}: has {len(found)} rows of numbers; give at least 2 with a time and a "
@@ -82,6 +82,15 @@ def _reading(at: str, row: Row, column: Column) -> Cell:
     if cells.number(cell.text) is None:
         raise cells.not_a_number(cell)
     return cell
+
+
+def _error(at: str, row: Row, reading: Column, layout: Layout) -> Cell | None:
+    """The cell of the error of a reading; None if there is none."""
+    if not layout.errors:
+        return None
+    own = layout.readings.index(reading) if len(layout.errors) > 1 else 0
+    cell = _cell(at, row, layout.errors[own])
+    return None if cells.is_missing(cell.text) else cell
 
 
 def _time(at: str, row: Row, layout: Layout) -> Cell:

@@ -113,7 +113,7 @@ def _of_clock(column: Sequence[Cell], head: Heading, sheet: CurveSheet) -> Times
     start = 0.0
     if sheet.start is not None:
         start = _clock_start(sheet.start, column[0])
-    elif head.of_day:
+    elif head.of_day or any(dates.is_of_day(cell.text) for cell in column):
         start = min(seconds)
     form = "mm:ss" if minutes_first else "hh:mm:ss" if column[0].text.count(":") > 1 else "hh:mm"
     seconds = _since(column, [one - start for one in seconds])

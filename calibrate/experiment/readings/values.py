@@ -155,9 +155,9 @@ def _errors(
 ) -> list[float]:
     """Standard deviations in the unit of the readings; NaN where none is given."""
     own, factor = unit, 1.0
-    if layout.error is not None and layout.error.heading.unit:
-        own = _of_header(layout.error, points[0].reading.at) or unit
-        factor = _factor(own, unit, layout.error.named, points[0].reading.at)
+    if layout.errors and layout.errors[0].heading.unit:
+        own = _of_header(layout.errors[0], points[0].reading.at) or unit
+        factor = _factor(own, unit, layout.errors[0].named, points[0].reading.at)
     stated = math.nan if sheet.standard_deviation is None else sheet.standard_deviation
     errors = []
     for point in points:

@@ -9,7 +9,8 @@ ERROR = _words("sd std stdev stddev deviation sigma error errors err uncertainty
     "\N{GREEK SMALL LETTER SIGMA}"
 }
 TIME = _words(
-    "time times elapsed duration date datum datetime timestamp zeit uhrzeit temps timepoint"
+    "time times elapsed duration date datum datetime timestamp zeit uhrzeit temps tiempo tempo "
+    "timepoint"
 )
 DATE = _words("date datum")
 OF_DAY = _words("clock uhrzeit")
@@ -22,8 +23,8 @@ RELATIVE = _words("relative normalised normalized fractional dimensionless")
 """A ratio beside a height."""
 INTERFACE = _words("mudline mudlines interface interfaces")
 HEIGHT = _words(
-    "height heights level höhe hoehe hauteur boundary front suspension slurry sludge pulp blanket "
-    "volume vol"
+    "height heights level höhe hoehe hauteur altura altezza boundary front suspension slurry "
+    "sludge pulp blanket turbid volume vol"
 )
 SYMBOLS = {"h": False, "z": False, "y": False, "v": True}
 """Letters for a mudline; true of one whose unit is that of a volume."""

@@ -90,6 +90,9 @@ def test_a_format_needs_day_month_and_year(stated):
         ("1d 02:00", 93600.0),
         ("2 days, 1:00:00", 176400.0),
         ("-0:01", -60.0),
+        ("9:30 AM", 34200.0),
+        ("12:05 am", 300.0),
+        ("12:05 p.m.", 43500.0),
     ],
 )
 def test_a_clock_shows_hours_and_minutes(text, seconds):

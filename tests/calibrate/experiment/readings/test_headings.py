@@ -31,6 +31,7 @@ from calibrate.experiment.readings.headings import heading
         ("Height, in", "mudline", ""),  # inches, or left open
         ("H (in)", "mudline", "in"),
         ("interface position", "mudline", ""),
+        ("interface to supernatant (mm)", "mudline", "mm"),
         ("Sediment volume (mL)", "mudline", "ml"),
         ("V [cm³]", "mudline", "cm3"),
         ("tube 2 height", "mudline", ""),

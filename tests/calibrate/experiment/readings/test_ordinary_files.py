@@ -102,6 +102,12 @@ def heights(found) -> np.ndarray:
         ("time (mm:ss),h (mm)\n0:00,760\n1:00,701\n2:00,656\n", {}),
         ("time of day,h (mm)\n09:30,760\n09:31,701\n09:32,656\n", {}),
         ("time,h (mm)\n09:30,760\n09:31,701\n09:32,656\n", {"start": "09:30"}),
+        ("time,h (mm)\n9:30 AM,760\n9:31 am,701\n9:32 a.m.,656\n", {}),
+        (
+            "date,time,h (mm)\n31/1/2024,9:30 pm,760\n31/1/2024,9:31 pm,701\n"
+            "31/1/2024,9:32 pm,656\n",
+            {},
+        ),
         ("date,h (mm)\n2024-01-31 09:30,760\n2024-01-31 09:31,701\n2024-01-31 09:32,656\n", {}),
         ("Date,h (mm)\n31/01/2024 09:30,760\n31/01/2024 09:31,701\n31/01/2024 09:32,656\n", {}),
         (
@@ -225,6 +231,11 @@ def test_errors_of_their_own_come_before_the_stated_one(tmp_path):
     content = "t (min),h (mm),sd (cm)\n0,760,0.1\n1,701,\n"
     found = read(tmp_path, content)
     assert found.errors == [1.0, 3.0]
+
+
+def test_repeats_may_have_errors_of_their_own(tmp_path):
+    found = read(tmp_path, "t (min),h1 (mm),sd1,h2 (mm),sd2\n0,760,1,761,2\n1,701,-,703,4\n")
+    assert found.values == [760.0, 761.0, 701.0, 703.0] and found.errors == [1.0, 2.0, 3.0, 4.0]
 
 
 def test_rows_and_columns_that_are_not_used_are_named(tmp_path):

@@ -135,6 +135,7 @@ def refusal(folder, content, height=0.76, tube_diameter=None, name="a.csv", **st
             {"standard_deviation": None},
             ["line 3", "no standard_deviation"],
         ),
+        ("t (min),h1 (mm),h2 (mm),h3 (mm),sd1,sd2\n0,1,1,1,1,1\n", {}, ["2 columns of errors"]),
         # What is stated of the file
         (H + TWO, {"delimiter": ";"}, ["delimiter = ';'", "no line has one"]),
         (H + TWO, {"delimiter": "x"}, ["delimiter = 'x'", "not known"]),
