@@ -66,6 +66,7 @@ def read(
     """
     table = _of_readings(rows.tables(sheet, folder), sheet, folder / sheet.file)
     layout = columns.layout(table, sheet.columns, sheet.time_unit, sheet.unit)
+    columns.refuse_several_samples(table, layout)
     found = points(table, layout)
     cells = [cell for point in found.points for cell in (point.time, point.reading, point.error)]
     mark = decimals.decimal_mark(filter(None, cells), table.delimiter, sheet.decimal)
@@ -155,7 +156,7 @@ def _understood(
         last=(told[1], read.values[-1]),
         errors=errors,
         standard_deviation=(min(read.errors), max(read.errors)),
-        ignored_columns=tuple(layout.ignored),
+        ignored_columns=tuple(one.named for one in layout.others),
         left_out=tuple(found.left_out),
         row_word=table.word,
     )

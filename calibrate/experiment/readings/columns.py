@@ -1,6 +1,6 @@
 """The columns of a file: which holds times, readings, their errors, and which is left out."""
 
-from typing import NamedTuple, get_args
+from typing import Literal, NamedTuple, get_args
 
 from calibrate.experiment.readings import headings, vocabulary
 from calibrate.experiment.readings.headings import OF_READINGS, Heading, Role, heading
@@ -9,7 +9,7 @@ from calibrate.experiment.readings.sheet import ColumnsSheet
 from calibrate.experiment.readings.table import Row, Table
 from calibrate.experiment.units import READINGS, TIME
 from mrjax import InputError
-from mrjax.core.errors import shown
+from mrjax.core.errors import shown, shown_key
 
 LOOKED_AT = 50
 """Rows among which the header is."""
@@ -22,7 +22,7 @@ class Column(NamedTuple):
     place: int
     """From 0."""
     heading: Heading
-    role: Role
+    role: Role | Literal["other"]
 
     @property
     def named(self) -> str:
@@ -40,7 +40,7 @@ class Layout(NamedTuple):
     """The mudline, once or with its repeats."""
     errors: list[Column]
     """None, one for all readings, or one for each repeat."""
-    ignored: list[str]
+    others: list[Column]
     """Headers of columns that are not read."""
     width: int
     """Number of columns."""
@@ -91,12 +91,32 @@ def layout(
     used = [one.place for one in (time, date, *readings, *errors) if one is not None]
     if len(set(used)) < len(used):
         raise InputError(f"{at}: columns has one twice, for time, mudline or errors; mend it")
-    ignored = [
-        one.written or f"column {place + 1}"
+    others = [
+        Column(place, one, "other")
         for place, one in enumerate(heads)
         if place not in used and (one.written or row is None)
     ]
-    return Layout(time, date, readings, errors, ignored, width, rows)
+    return Layout(time, date, readings, errors, others, width, rows)
+
+
+def refuse_several_samples(table: Table, layout: Layout) -> None:
+    """Refuses rows of several suspensions, which a column that is not read tells apart.
+
+    Raises:
+      InputError: two names in one column.
+    """
+    for column in layout.others:
+        if not column.heading.words & vocabulary.SAMPLE:
+            continue
+        first = ""
+        for row in layout.rows:
+            name = row.cell(column.place)
+            if first and name and name != first:
+                raise InputError(
+                    f"{table.at(row)}: {shown_key(column.named)} = {shown(name)} comes after "
+                    f"{shown(first)}; give each sample a file, a sheet or columns of its own"
+                )
+            first = first or name
 
 
 def has_readings(table: Table, stated: ColumnsSheet) -> bool:

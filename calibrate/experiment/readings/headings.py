@@ -5,7 +5,7 @@ import unicodedata
 from typing import Literal, NamedTuple
 
 from calibrate.experiment.readings import vocabulary
-from calibrate.experiment.readings.vocabulary import FOREIGN, HOURS_FIRST, MINUTES_FIRST
+from calibrate.experiment.readings.vocabulary import FOREIGN, HOURS_FIRST, MEAN, MINUTES_FIRST
 from calibrate.experiment.units import HEIGHT, RATIO, READINGS, TIME, VOLUME
 
 Role = Literal["time", "mudline", "sedimentation_ratio", "supernatant", "standard_deviation"]
@@ -94,10 +94,23 @@ def heading(written: str) -> Heading:
         return Heading(written, match[1], match[2], True)
     if _is_unit(plain) and plain not in ALONE_NO_UNIT:
         return Heading(written, "", plain, True)
+    whole = Heading(written, plain.replace("_", " "), "", False)
     match = re.fullmatch(r"(.+?)(?:[\s_,;.\-]+(?:in[\s_]+)?|(?=%))([^\s_,;\-]+)", plain)
     if match and _is_unit(match[2]) and match[2] not in ("1", "-", "in") and "of " not in plain:
-        return Heading(written, match[1].removesuffix(" in"), match[2], False)
-    return Heading(written, plain.replace("_", " "), "", False)
+        found = Heading(written, match[1].removesuffix(" in"), match[2], False)
+        if found.kind is None and whole.kind is not None:
+            return whole
+        if _fits(found):
+            return found
+    return whole
+
+
+def _fits(found: Heading) -> bool:
+    """True if the last word may be the unit of its column: `min` of `h_min` is none of a height."""
+    if found.kind is None:
+        return True
+    of_time = TIME.named(found.unit) is not None or found.unit in HOURS_FIRST | MINUTES_FIRST
+    return of_time == (found.kind[0] == "time")
 
 
 def is_unit_cell(text: str) -> bool:
@@ -130,7 +143,8 @@ def _of_height(name: str, words: set[str], unit: str) -> Kind | None:
         return "mudline", 1
     if words & vocabulary.OTHER:
         return None
-    letter = re.sub(r"[\d\s_#.]+", "", _BRACKETS.sub("", name))
+    plain = " ".join(word for word in _BRACKETS.sub("", name).split() if word not in MEAN)
+    letter = re.sub(r"[\d\s_#.]+", "", plain)
     if letter in vocabulary.SYMBOLS:
         fits = not vocabulary.SYMBOLS[letter] or not unit or VOLUME.named(unit)
         rank = 2 if unit or not vocabulary.SYMBOLS[letter] else 4

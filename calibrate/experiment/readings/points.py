@@ -7,7 +7,7 @@ from calibrate.experiment.readings.cells import Cell
 from calibrate.experiment.readings.columns import Column, Layout
 from calibrate.experiment.readings.dates import is_clock, is_clock_or_date, is_date
 from calibrate.experiment.readings.table import Row, Table
-from calibrate.experiment.units import TIME
+from calibrate.experiment.units import READINGS, TIME
 from mrjax import InputError
 
 
@@ -77,9 +77,10 @@ def _cell(at: str, row: Row, column: Column) -> Cell:
 
 
 def _reading(at: str, row: Row, column: Column) -> Cell:
-    """The cell of a reading, which begins with a number."""
+    """The cell of a reading: a number, alone or with a unit."""
     cell = _cell(at, row, column)
-    if cells.number(cell.text) is None:
+    number = cells.number(cell.text)
+    if number is None or (number.unit and READINGS.named(number.unit) is None):
         raise cells.not_a_number(cell)
     return cell
 

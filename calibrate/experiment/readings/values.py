@@ -108,8 +108,6 @@ def _unit(points: Sequence[Point], layout: Layout, sheet: CurveSheet) -> str:
         number = cells.number(point.reading.text)
         if number is not None and number.unit:
             own = READINGS.named(number.unit)
-            if own is None:
-                raise cells.not_a_number(point.reading)
             unit = unit or own
             if own != unit:
                 raise point.reading.refuse(f"is in {own}, and its column in {unit}; mend one")

@@ -33,7 +33,12 @@ READING = _words("reading readings value values measurement measurements measure
 REPEAT = _words("run tube repeat replicate rep trial test cylinder column")
 """One of several, as in `run 1`, or the vessel, as in `tube height`."""
 VESSEL = _words("tube column cylinder")
+MEAN = _words("mean avg average mittel mittelwert")
+"""Words that change nothing."""
+SAMPLE = _words("sample samples probe specimen batch material formulation suspension slurry name")
+"""What tells suspensions apart where they share columns."""
 OTHER = _words(
+    "min max minimum maximum range count "
     "initial total vessel liquid water room diameter start fill full filled fraction temperature "
     "temp ph mass weight velocity speed rate flux density viscosity concentration turbidity "
     "number no index id"

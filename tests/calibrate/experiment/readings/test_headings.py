@@ -27,6 +27,8 @@ from calibrate.experiment.readings.headings import heading
         ("h [mm]", "mudline", "mm"),
         ("h/cm", "mudline", "cm"),
         ("h2", "mudline", ""),
+        ("mean h (mm)", "mudline", "mm"),
+        ("h std", "standard_deviation", ""),
         ("height in cm", "mudline", "cm"),
         ("Height, in", "mudline", ""),  # inches, or left open
         ("H (in)", "mudline", "in"),
@@ -54,7 +56,15 @@ from calibrate.experiment.readings.headings import heading
                 *("", "note", "temperature", "T (°C)", "initial height (mm)", "h0", "H0 (mm)"),
                 *("tube height (mm)", "tube diameter (mm)", "velocity (mm/s)", "v (mm/s)", "no"),
                 *("start time", "time error", "relative humidity (%)", "solids volume fraction"),
-                *("pH", "mass (g)", "total height (mm)", "RH (%)", "t1"),
+                *(
+                    "pH",
+                    "mass (g)",
+                    "h_min",
+                    "height max (mm)",
+                    "total height (mm)",
+                    "RH (%)",
+                    "t1",
+                ),
             )
         ),
     ],

@@ -37,6 +37,7 @@ def refusal(folder, content, height=0.76, tube_diameter=None, name="a.csv", **st
         ("time,mudline\n0,760\n1,~701\n", UNITS, ["line 3", "mudline = '~701'"]),
         ("time,mudline\n0,760\n1,701?\n", UNITS, ["line 3", "mudline = '701?'"]),
         ("time,mudline\n0,760\n1,7O1\n", UNITS, ["line 3", "mudline = '7O1'"]),
+        ("time,mudline\n0,76O\n", UNITS, ["line 2", "mudline = '76O'"]),
         ("time,mudline\n0,760\n1,inf\n", UNITS, ["line 3", "mudline = 'inf'"]),
         ("time,mudline\n0,760\n1,1e400\n", UNITS, ["line 3", "'1e400'"]),
         ("time,mudline\n0,760\n1,1e31\n", UNITS, ["line 3", "1e+31", "between 1e-30 and 1e30"]),
@@ -120,6 +121,11 @@ def refusal(folder, content, height=0.76, tube_diameter=None, name="a.csv", **st
             "a,b\n0,760\n1,701\n",
             UNITS | {"columns": {"time": "a", "mudline": "a"}},
             ["one twice", "columns"],
+        ),
+        (
+            "Sample,time,mudline\nA,0,760\nB,0,760\nA,1,701\nB,1,650\n",
+            UNITS,
+            ["line 3", "Sample = 'B' comes after 'A'", "file"],
         ),
         # Rows
         ("time,mudline\n0,5,76,0\n1,701\n", UNITS, ["line 2", "4 cells for 2", "point"]),
