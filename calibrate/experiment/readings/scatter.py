@@ -1,9 +1,10 @@
 """The scatter of readings without a stated error, estimated from the readings themselves.
 
-Each reading is compared with the line through those before and after it. With scatter of
-standard deviation s its distance to that line has s (1 + w^2 + (1 - w)^2)^(1/2), where w is the
-weight of the one before. Repeats at one time are compared with their mean. The bend of the curve
-counts as scatter, so that few readings give a large error.
+Each reading is compared with the parabola through three neighbours on both sides of it, or with the
+line through two where readings are few. For scatter of standard deviation s the distance has
+s (1 + w . w)^(1/2), where w are the weights of the neighbours. Repeats at one time are compared
+with their mean. A bend that the parabola does not follow counts as scatter, so that a sparse curve
+has a large error.
 """
 
 import numpy as np
@@ -16,6 +17,8 @@ LEAST = 1e-3
 """Of the height of the suspension: no reading by eye or camera is better."""
 MEDIAN_OF_NORMAL = 0.6745
 """Median of the absolute value of a standard normal number."""
+FOR_A_PARABOLA = 5
+"""Different times."""
 
 
 def scatter(times: list[float], values: list[float], height: float) -> float:
@@ -29,16 +32,38 @@ def scatter(times: list[float], values: list[float], height: float) -> float:
     time, place, count = np.unique(times, return_inverse=True, return_counts=True)
     read = np.asarray(values, float)
     mean = np.bincount(place, read) / count
-    repeated = count[place] > 1
-    distances = [
-        ((read - mean[place]) / np.sqrt(1.0 - 1.0 / np.maximum(2, count[place])))[repeated]
-    ]
-    if time.size > 2:
-        weight = (time[2:] - time[1:-1]) / (time[2:] - time[:-2])
-        line = weight * mean[:-2] + (1.0 - weight) * mean[2:]
-        variance = 1 / count[1:-1] + weight**2 / count[:-2] + (1 - weight) ** 2 / count[2:]
-        distances.append((mean[1:-1] - line) / np.sqrt(variance))
+    spread = np.sqrt(1.0 - 1.0 / np.maximum(2, count[place]))
+    distances = [((read - mean[place]) / spread)[count[place] > 1]]
+    neighbours = 3 if time.size >= FOR_A_PARABOLA else 2
+    with np.errstate(all="ignore"):  # of times a rounding apart the weights have no bound
+        for inner in range(1, neighbours):
+            distances.append(_from_polynomial(time, mean, 1.0 / count, neighbours, inner))
     every = np.abs(np.concatenate(distances))
+    every = every[np.isfinite(every)]
     if every.size < FEWEST:
         return WITHOUT_READINGS * height
     return max(float(np.median(every)) / MEDIAN_OF_NORMAL, LEAST * height)
+
+
+def _from_polynomial(
+    time: np.ndarray, mean: np.ndarray, variance: np.ndarray, neighbours: int, inner: int
+) -> np.ndarray:
+    """Distances of readings to the polynomial through neighbours, over their spread for s = 1.
+
+    Args:
+      time: different times in order, (T,).
+      mean: readings at them, (T,).
+      variance: of the readings for s = 1, (T,).
+      neighbours: readings that the polynomial goes through.
+      inner: how many of them come before the one that is compared.
+    """
+    windows = np.arange(max(0, time.size - neighbours))[:, None] + np.arange(neighbours + 1)
+    own, others = windows[:, inner], np.delete(windows, inner, axis=1)
+    distance, square = mean[own].copy(), variance[own].copy()
+    for one in range(neighbours):
+        rest = time[np.delete(others, one, axis=1)]
+        at, node = time[own][:, None], time[others[:, one]][:, None]
+        weight = np.prod((at - rest) / (node - rest), axis=1)  # of Lagrange
+        distance -= weight * mean[others[:, one]]
+        square += weight**2 * variance[others[:, one]]
+    return distance / np.sqrt(square)

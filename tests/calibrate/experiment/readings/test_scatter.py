@@ -31,6 +31,27 @@ def test_it_has_a_floor_and_a_guess_for_a_few_readings():
     assert scatter([0.0, 1.0], [100.0, 90.0], 100.0) == 1.0
 
 
+def test_a_bend_is_hardly_scatter():
+    """Two millimetres on a curve that bends: lines through neighbours would give more."""
+    generator = np.random.default_rng(2)
+    found = []
+    for _ in range(30):
+        times = 100.0 * np.linspace(0.0, 1.0, 25) ** 1.5
+        values = 760.0 * (0.4 + 0.6 * np.exp(-times / 15.0)) + 2.0 * generator.standard_normal(25)
+        found.append(scatter(list(times), list(values), 760.0))
+    assert np.median(found) == pytest.approx(2.0, rel=0.15)
+
+
+def test_a_parabola_at_unequal_times_has_none():
+    times = [0.0, 1.0, 3.0, 4.5, 9.0, 11.0]
+    assert scatter(times, [100.0 - 5.0 * one + 0.2 * one**2 for one in times], 100.0) == 0.1
+
+
+def test_times_far_apart_or_close_together_are_no_matter():
+    times = [0.0, 1e-300, 2e-300, 1.0, 1e20, 1e30, 1.1e30]
+    assert 0.1 <= scatter(times, [100.0, 99.0, 98.0, 70.0, 60.0, 50.0, 49.0], 100.0) < 100.0
+
+
 def test_an_outlier_hardly_counts():
     times, values = np.arange(30.0), 100.0 - np.arange(30.0)
     values[10] -= 40.0
