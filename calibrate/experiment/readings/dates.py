@@ -14,7 +14,7 @@ from mrjax import InputError
 from mrjax.core.errors import shown
 
 _CLOCK = re.compile(
-    r"(?P<sign>[-+]?)(?:(?P<days>[0-9]+)\s*(?:d|days?|tage?)[\s,]+)?"
+    r"(?P<sign>[-+]?)(?:(?P<days>[0-9]{1,6})\s*(?:d|days?|tage?)[\s,]+)?"
     r"(?P<hours>[0-9]{1,6}):(?P<minutes>[0-9]{1,2})(?::(?P<seconds>[0-9]{1,2}(?:[.,][0-9]+)?))?"
     r"(?:\s*(?P<half>[ap])\.?m\.?)?",
     re.IGNORECASE,

@@ -104,7 +104,9 @@ def test_minutes_may_come_first_where_the_header_says_so():
     assert dates.clock_seconds(column("90:30")[0], minutes_first=True) == 5430.0
 
 
-@pytest.mark.parametrize("text", ["12", "1.5", "1:2:3:4", "1:", ":30", "a:b", "12:30 Uhr", "1;30"])
+@pytest.mark.parametrize(
+    "text", ["12", "1.5", "1:2:3:4", "1:", ":30", "a:b", "12:30 Uhr", "1;30", "9999999d 1:00"]
+)
 def test_other_cells_are_no_clock(text):
     assert not dates.is_clock(text)
 
