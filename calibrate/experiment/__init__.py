@@ -1,4 +1,5 @@
 """Measurements: their files, samples, plausibility, and the quantities that are fitted to them.
 
-The bundled experiments are in `bundled`, the commented template is `template.toml`.
+Files of readings are read in `readings`. The bundled experiments are in `bundled`, the commented
+template is `template.toml`.
 """

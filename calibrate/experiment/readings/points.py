@@ -38,6 +38,7 @@ def points(table: Table, layout: Layout) -> Points:
     """
     found: list[Point] = []
     left_out: list[int] = []
+    date = ""
     for row in layout.rows:
         at = table.at(row)
         if row.width > layout.width:
@@ -45,7 +46,9 @@ def points(table: Table, layout: Layout) -> Points:
                 f"{at}: has {row.width} cells for {layout.width} columns; write decimals with a "
                 "point, or separate columns by semicolons"
             )
-        time = _time(at, row, layout)
+        if layout.date:
+            date = row.cell(layout.date.place) or date  # one cell for all rows of a day
+        time = _with_date(_cell(at, row, layout.time), date)
         filled = [one for one in layout.readings if not cells.is_missing(row.cell(one.place))]
         if not cells.is_missing(time.text) and not _is_time(time.text):
             raise time.refuse(
@@ -94,10 +97,8 @@ def _error(at: str, row: Row, reading: Column, layout: Layout) -> Cell | None:
     return None if cells.is_missing(cell.text) else cell
 
 
-def _time(at: str, row: Row, layout: Layout) -> Cell:
-    """The time of a row, behind its date or day where that has a column of its own."""
-    time = _cell(at, row, layout.time)
-    date = row.cell(layout.date.place) if layout.date else ""
+def _with_date(time: Cell, date: str) -> Cell:
+    """The time of a row behind its date or day, where that has a column of its own."""
     if not date or not is_clock(time.text):
         return time
     if cells.number(date) is not None and not is_date(date):

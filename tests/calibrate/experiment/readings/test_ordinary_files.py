@@ -263,6 +263,12 @@ def test_days_and_times_of_the_day_may_have_two_columns(tmp_path):
     assert elapsed.times[0] == 8 * HOUR and elapsed.understood.ignored_columns == ("Day",)
 
 
+def test_a_date_may_stand_once_for_all_rows_of_its_day(tmp_path):
+    rows = "2024-02-01,9:00,760\n,21:00,701\n2024-02-03,9:00,690\n,10:00,656\n"
+    content = f"date,time,h (mm)\n{rows}"
+    assert read(tmp_path, content).times == [0.0, 12 * HOUR, 48 * HOUR, 49 * HOUR]
+
+
 def test_long_times_are_told_in_long_units(tmp_path):
     content = "date,h (mm)\n2024-01-31,760\n2024-03-01,701\n"
     found = read(tmp_path, content)
