@@ -50,6 +50,8 @@ def test_a_parabola_at_unequal_times_has_none():
 def test_times_far_apart_or_close_together_are_no_matter():
     times = [0.0, 1e-300, 2e-300, 1.0, 1e20, 1e30, 1.1e30]
     assert 0.1 <= scatter(times, [100.0, 99.0, 98.0, 70.0, 60.0, 50.0, 49.0], 100.0) < 100.0
+    times = [0.0, 5e-324, 1e-323, 1.0, 2.0, 3.0, 4.0, 5.0]
+    assert scatter(times, [100.0, 99.0, 100.0, 90.0, 80.0, 70.0, 60.0, 50.0], 100.0) < 100.0
 
 
 def test_an_outlier_hardly_counts():
