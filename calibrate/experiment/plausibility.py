@@ -24,6 +24,9 @@ ABSURD = 1e3
 FASTER_AT_FIRST = 100.0
 """How many times faster than a single particle a suspension may fall before its first reading."""
 
+WAITED = 5.0
+"""How many times `SHARE` a mudline would have fallen before its first reading, as fast as after."""
+
 
 class Readings(NamedTuple):
     """A curve beside its tube; T readings in the order of their times."""
@@ -74,7 +77,7 @@ def refuse_senseless(sample: Sample) -> list[str]:
     _refuse_above(readings)
     if not sinks(sample.recipe):
         return []  # what rises leaves its mudline below
-    odd = _start(readings)
+    odd = [*_start(readings), *_late_start(readings)]
     _refuse_rise(readings)
     _refuse_below_particles(readings)
     return odd
@@ -137,6 +140,20 @@ def _start(readings: Readings) -> list[str]:
     if low > SHARE:
         raise InputError(text)
     return [text]
+
+
+def _late_start(readings: Readings) -> Iterator[str]:
+    """Warns of elapsed times that are rather those of the day: nothing falls before the first."""
+    file, times, ratio = readings.sample.curve, readings.times, readings.ratio
+    if file is None or not file.time_form.startswith("hh:mm") or times[0] <= 0.0:
+        return
+    later = int(np.argmax(times > times[0]))
+    before = (ratio[0] - ratio[later]) / (times[later] - times[0]) * times[0]
+    if 1.0 - ratio[0] <= SHARE and before > WAITED * SHARE:
+        yield (
+            f"{readings.said(0)} is at the height still, and falls from then on; if these are "
+            'times of the day, state start, as start = "09:30"'
+        )
 
 
 def _fallen_at_most(sample: Sample, time: float) -> float:

@@ -86,6 +86,23 @@ def test_what_may_be_right_all_the_same_is_a_warning(tmp_path):
     ]
 
 
+@pytest.mark.parametrize(
+    "lines, warned",
+    [
+        ("09:00,100\n10:00,98\n12:00,90\n", True),
+        ("00:00,100\n10:00,98\n12:00,90\n", False),
+        ("00:30,100\n10:00,98\n12:00,90\n", False),
+        ("09:00,92\n10:00,90\n12:00,88\n", False),
+    ],
+)
+def test_times_that_are_rather_those_of_the_day_are_a_warning(tmp_path, lines, warned):
+    warnings = load(tmp_path, lines).warnings
+    assert len(warnings) == warned
+    if warned:
+        assert "a.csv, line 2: mudline = 100 mm at 0.375 day" in warnings[0]
+        assert "state start" in warnings[0]
+
+
 def test_a_small_rise_beyond_its_errors_is_refused(tmp_path):
     bump = "0,100\n1,92\n2,93\n3,80\n"
     words = r"a.csv, line 4: mudline = 93 mm at 2 day is above mudline = 92 mm at 1 day"
