@@ -145,7 +145,7 @@ def _start(readings: Readings) -> list[str]:
 def _late_start(readings: Readings) -> Iterator[str]:
     """Warns of elapsed times that are rather those of the day: nothing falls before the first."""
     file, times, ratio = readings.sample.curve, readings.times, readings.ratio
-    if file is None or not file.time_form.startswith("hh:mm") or times[0] <= 0.0:
+    if file is None or not file.time_form.startswith("hh:mm"):
         return
     later = int(np.argmax(times > times[0]))
     before = (ratio[0] - ratio[later]) / (times[later] - times[0]) * times[0]
