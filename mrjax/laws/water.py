@@ -32,7 +32,7 @@ def density(temperature: NumberT) -> NumberT:
 
     Example:
       >>> print(f"{mrjax.laws.water.density(293.15):.2f} kg/m^3")
-      998.21 kg/m^3
+      998.20 kg/m^3
     """
     celsius = temperature - FREEZING
     numerator = 0.0 * celsius
