@@ -1,3 +1,5 @@
+from .calibration import Calibration as Calibration
+from .calibration import run as run
 from .experiment.experiment import Experiment as Experiment
 from .inference.identify import Identification as Identification
 from .inference.identify import identify as identify

@@ -1,6 +1,5 @@
 """`mrjax-calibrate`: fits the drag factors of an experiment."""
 
-import time
 from collections.abc import Iterable
 from dataclasses import replace
 from importlib import resources
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mrjax import InputError, SimulationError
-from mrjax.cli import environment, options, provenance, templates
+from mrjax.cli import environment, options, templates
 from mrjax.cli.completion import sheet_names
 from mrjax.cli.exit_status import EXIT_STATUS, run
 from mrjax.cli.terminal import echo
@@ -132,9 +131,9 @@ def cli(
     as_json: bool,
 ) -> None:
     """Fits an experiment and reports."""
-    began = time.perf_counter()
     environment.start_jax(dtype)
-    from calibrate.calibration import Options, calibrate_experiment
+    import calibrate
+    from calibrate.calibration import Options
     from calibrate.experiment.experiment import Experiment
     from mrjax.cli.resume import checkpointed
     from mrjax.io import files
@@ -154,13 +153,11 @@ def cli(
     work = dict(command="fit", experiment=loaded, model=model, **asked.fit_options, dtype=dtype)
     writes = ["fit.json", "report.md", "report.html"]
     with checkpointed(folder, resume, quiet, writes, **work) as checkpoint:
-        calibration = calibrate_experiment(loaded, asked, checkpoint=checkpoint, progress=not quiet)
-        result = calibration.tables() | {
-            "dtype": dtype,
-            "versions": provenance.versions(),
-            "wall_seconds": time.perf_counter() - began,
-        }
-        calibration.write(folder, result, pdf, progress=not quiet)
+        calibration = calibrate.run(
+            loaded, **asked.keywords, checkpoint=checkpoint, progress=not quiet
+        )
+        calibration.write(folder, pdf=pdf, progress=not quiet)
+        result = calibration.tables()
     if as_json:
         click.echo(files.as_json(result, ascii_only=True))
     elif not quiet:

@@ -1,8 +1,9 @@
 """The whole workflow: an experiment fitted, what follows from the fit, and the report of it."""
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +24,8 @@ from calibrate.problem.solve import calibrated as calibrated
 from calibrate.problem.solve import fit_experiment
 from calibrate.report import figures
 from mrjax import InputError, Recipe, SimulationError
+from mrjax.io.files import result_folder
+from mrjax.io.versions import versions
 
 CHECKPOINTS = "fit", "posterior", "left-out", "forecast"
 """Folders of a checkpoint, one for each stage that takes long."""
@@ -50,6 +53,11 @@ class Options:
     """A recipe that was not measured, to be predicted."""
     like: str | None = None
     """The sample whose parameters that recipe shares."""
+
+    @property
+    def keywords(self) -> dict[str, Any]:
+        """The same as keywords of `run`."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @property
     def fit_options(self) -> dict[str, Any]:
@@ -83,8 +91,8 @@ class Calibration:
     fit: Fit
     identification: Identification
     """Values and combinations that the data determine."""
-    predicted: np.ndarray
-    """At the end of the fit, each in the unit of its measurement, (M,)."""
+    predictions: np.ndarray
+    """What the fit predicts, each in the unit of its measurement, (M,)."""
     profiles: tuple[Profile, ...] = ()
     """None where the fit did not converge."""
     posterior: Posterior | None = None
@@ -94,14 +102,16 @@ class Calibration:
     """The recipe that was not measured."""
     faults: tuple[Exception, ...] = ()
     """Faults that were met after the fit, in the order of the work."""
+    wall_seconds: float = 0.0
+    """Time that all of it took, s."""
 
     def tables(self) -> dict[str, Any]:
-        """All of it as plain tables: `fit.json`, but for what a command adds."""
+        """All of it as plain tables, as in `fit.json`."""
         result = report.summary(
             self.problem,
             self.fit,
             self.identification,
-            self.predicted,
+            self.predictions,
             self.profiles,
             self.posterior,
         )
@@ -118,6 +128,9 @@ class Calibration:
             "model": _name(self.options.model),
             "begun_with": _name(self.options.begin_with),
             "seed": self.options.seed,
+            "dtype": str(self.predictions.dtype),
+            "versions": versions(),
+            "wall_seconds": self.wall_seconds,
         }
 
     def _contact_notes(self) -> list[str]:
@@ -129,34 +142,53 @@ class Calibration:
             for note in sample.recipe.contact_notes
         ]
 
-    def write(self, folder: Path, result: dict[str, Any], pdf: bool, progress: bool) -> None:
-        """Writes the report.
+    def write(self, folder: str | Path, *, pdf: bool = False, progress: bool = False) -> None:
+        """Writes `fit.json`, the report and its figures.
 
         Args:
-          folder: where to.
-          result: `tables`, with `dtype`, `versions` and `wall_seconds`.
+          folder: for them; made if need be.
           pdf: whether to write figures as PDF, too.
           progress: whether to show a progress bar, on standard error.
+
+        Raises:
+          SystemRefusal: the system refuses a file.
         """
+        folder, result = result_folder(Path(folder)), self.tables()
         drawn = figures.figures(self.problem, self.fit, result, self.profiles, self.posterior)
         text = report.markdown(self.experiment.name, result["model"], result, drawn)
         report.write(folder, text, result, drawn, pdf, progress=progress)
 
 
-def calibrate_experiment(
-    experiment: Experiment,
-    options: Options,
+def run(
+    experiment: Experiment | str | Path,
     *,
+    model: str | ForwardModelMaker = "particles",
+    begin_with: str | ForwardModelMaker | None = None,
+    starts: int = 1,
+    seed: int = 0,
+    robust: float | None = None,
+    posterior: bool = False,
+    leave_one_out: bool = False,
+    predict: Recipe | None = None,
+    like: str | None = None,
     checkpoint: str | Path | None = None,
     progress: bool = False,
 ) -> Calibration:
-    """Fits an experiment, and does what is asked of the fit.
+    """The whole workflow of `mrjax-calibrate`: a fit, and what follows from it.
 
     Args:
-      experiment: samples and parameters.
-      options: the model, and what is asked for.
+      experiment: samples and parameters, or the name or file that they are loaded from.
+      model: forward model, as for `Problem.prepare`.
+      begin_with: a cheaper model that is fitted first.
+      starts: searches from as many points; the best is kept.
+      seed: of further starts, of simulated suspensions and of the posterior.
+      robust: standard deviations beyond which residuals count linearly.
+      posterior: whether to sample the posterior.
+      leave_one_out: whether to predict each sample from the others, too.
+      predict: a recipe that was not measured, to be predicted.
+      like: the sample whose parameters that recipe shares.
       checkpoint: folder that keeps what was done, as for `fit_experiment`.
-      progress: whether to show progress bars, on standard error.
+      progress: whether to show a progress bar for every stage, on standard error.
 
     Returns:
       a Calibration; look at `fit.converged` and `faults` before using it.
@@ -166,12 +198,16 @@ def calibrate_experiment(
       SimulationError: the fit ended where nothing can be predicted.
 
     Example:
-      >>> experiment = calibrate.Experiment.load("fang2005")
-      >>> options = calibrate.calibration.Options("closed-form")
-      >>> found = calibrate.calibration.calibrate_experiment(experiment, options)
+      >>> found = calibrate.run("fang2005", model="closed-form")
       >>> found.fit.converged, found.identification.combinations[0].expression
       (True, 'f_w * f_s')
     """
+    began = time.perf_counter()
+    if not isinstance(experiment, Experiment):
+        experiment = Experiment.load(experiment)
+    options = Options(
+        model, begin_with, starts, seed, robust, posterior, leave_one_out, predict, like
+    )
     options.refuse(experiment)
     folders = dict.fromkeys(CHECKPOINTS)
     if checkpoint is not None:
@@ -192,10 +228,11 @@ def calibrate_experiment(
             "give medians from which something can, or more --starts"
         )
     # Outside the compiled fit a simulation checks itself and raises if not to be trusted.
-    predicted = np.asarray(problem.predict(fit.theta))
+    predictions = np.asarray(problem.predict(fit.theta))
     held = profiles(fit, progress=progress) if fit.converged else ()
-    calibration = Calibration(experiment, options, problem, fit, identify(fit), predicted, held)
-    return _with_what_is_asked(calibration, folders, progress)
+    found = Calibration(experiment, options, problem, fit, identify(fit), predictions, held)
+    found = _with_what_is_asked(found, folders, progress)
+    return replace(found, wall_seconds=time.perf_counter() - began)
 
 
 def _with_what_is_asked(

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mrjax.cli import environment, options, provenance
+from mrjax.cli import environment, options
 from mrjax.cli.exit_status import EXIT_STATUS
 from mrjax.cli.terminal import echo
 
@@ -57,6 +57,7 @@ def reproduce(
     import mrjax
     from mrjax.cli.resume import checkpointed
     from mrjax.io import files
+    from mrjax.io.versions import versions
     from mrjax.paper import row, runs, table
     from mrjax.paper.figures import paper_figures
 
@@ -79,7 +80,7 @@ def reproduce(
         rows = table.rows(simulated)
         text = _markdown(rows)
         figures = paper_figures(rows, simulated, settled)
-        made_by = {"seed": seed, "dtype": dtype, "versions": provenance.versions()}
+        made_by = {"seed": seed, "dtype": dtype, "versions": versions()}
         _write(folder, rows, text, figures, made_by, pdf=pdf, progress=not quiet)
     if as_json:
         click.echo(files.as_json(row.as_tables(rows), ascii_only=True))

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import mrjax
-from calibrate import Experiment, calibration
+from calibrate import Experiment, calibration, run
 from calibrate.__main__ import cli
-from calibrate.calibration import Options, calibrate_experiment
+from calibrate.calibration import Options
 
 
 @pytest.fixture(scope="module")
@@ -18,10 +18,14 @@ def fang() -> Experiment:
 
 
 def test_a_calibration_holds_all_that_was_asked_for(fang, tmp_path):
-    options = Options(
-        "closed-form", leave_one_out=True, predict=mrjax.Recipe.load("case2"), like="A"
+    done = run(
+        fang,
+        model="closed-form",
+        leave_one_out=True,
+        predict=mrjax.Recipe.load("case2"),
+        like="A",
+        checkpoint=tmp_path,
     )
-    done = calibrate_experiment(fang, options, checkpoint=tmp_path)
     assert done.fit.converged and done.faults == () and done.posterior is None
     assert {one.name for one in done.profiles} >= {"f_w", "f_s", "f_v"}
     assert [one.sample for one in done.new] == ["case2", "case2"]
@@ -35,9 +39,11 @@ def test_a_calibration_holds_all_that_was_asked_for(fang, tmp_path):
         0,
     )
     assert len(result["left_out"]) == 4 and len(result["new"]) == 2
-    np.testing.assert_allclose(done.predicted, [8.0, 78.0, 3.6, 90.0], rtol=0.02)
-    more = {"dtype": "float64", "versions": {}, "wall_seconds": 1.0}
-    done.write(tmp_path, result | more, pdf=False, progress=False)
+    np.testing.assert_allclose(done.predictions, [8.0, 78.0, 3.6, 90.0], rtol=0.02)
+    assert result["dtype"] == "float64" and "jax" in result["versions"]
+    assert 0.0 < result["wall_seconds"] == done.wall_seconds
+    done.write(tmp_path / "made" / "here")
+    tmp_path = tmp_path / "made" / "here"
     assert {"fit.json", "report.md", "report.html"} <= {path.name for path in tmp_path.iterdir()}
 
 
@@ -48,7 +54,7 @@ def test_what_is_assumed_for_contacts_is_noted_where_particles_are_run(fang, mod
     moduli = {"elastic_modulus": None, "poisson_ratio": None, "material": "metal"}
     recipe = recipe.replace(particle=moduli)
     sample = dataclasses.replace(fang.samples[0], recipe=recipe)
-    done = calibrate_experiment(fang, Options("closed-form"))
+    done = run(fang, model="closed-form")
     problem = dataclasses.replace(
         done.problem, experiment=dataclasses.replace(fang, samples=(sample, *fang.samples[1:]))
     )
@@ -107,7 +113,7 @@ def test_a_fit_says_how_it_read_its_data(tmp_path, capsys):
 def test_without_stated_errors_there_is_no_p(tmp_path):
     content = "time (d),h (mm)\n0,100\n1,92\n2,84.2\n3,75.9\n4,68\n"
     experiment = Experiment.load(with_a_curve(tmp_path, content))
-    said = calibrate_experiment(experiment, Options("closed-form")).tables()
+    said = run(experiment, model="closed-form").tables()
     assert said["errors"] == experiment.errors == "estimated" and said["p_value"] is None
     assert not said["contradicts"] and said["data_as_understood"]["A"]["errors"] == "estimated"
 
@@ -122,9 +128,7 @@ def test_of_a_fit_that_did_not_converge_nothing_is_derived(fang, monkeypatch):
     monkeypatch.setattr(calibration, "sample_posterior", None)  # nothing to be called
     monkeypatch.setattr(calibration, "refuse_without_sampler", lambda: None)
     recipe = mrjax.Recipe.load("case2")
-    done = calibrate_experiment(
-        fang, Options("closed-form", posterior=True, predict=recipe, like="A")
-    )
+    done = run(fang, model="closed-form", posterior=True, predict=recipe, like="A")
     assert (done.profiles, done.posterior, done.new, done.faults) == ((), None, None, ())
 
 
@@ -138,7 +142,7 @@ def test_what_goes_wrong_after_the_fit_is_collected_in_its_order(fang, monkeypat
     monkeypatch.setattr(calibration, "sample_posterior", refused)
     monkeypatch.setattr(calibration, "refuse_without_sampler", lambda: None)
     monkeypatch.setattr(calibration.forecast, "leave_one_out", failed)
-    done = calibrate_experiment(fang, Options("closed-form", posterior=True, leave_one_out=True))
+    done = run(fang, model="closed-form", posterior=True, leave_one_out=True)
     assert list(map(str, done.faults)) == ["no samples", "no forecast"]
     assert done.fit.converged and done.left_out is None
     assert "left_out" not in done.tables()
@@ -148,10 +152,10 @@ def test_options_that_an_experiment_cannot_have_are_refused_before_the_fit(fang,
     monkeypatch.setattr(calibration, "fit_experiment", None)
     recipe = mrjax.Recipe.load("case2")
     with pytest.raises(mrjax.InputError, match="'Z': no such sample"):
-        calibrate_experiment(fang, Options("closed-form", predict=recipe, like="Z"))
+        run(fang, model="closed-form", predict=recipe, like="Z")
     alone = dataclasses.replace(fang, samples=fang.samples[:1])
     with pytest.raises(mrjax.InputError, match="has one sample"):
-        calibrate_experiment(alone, Options("closed-form", leave_one_out=True))
+        run(alone, model="closed-form", leave_one_out=True)
 
 
 def test_a_fit_that_ends_without_numbers_is_no_calibration(fang, monkeypatch):
@@ -162,4 +166,4 @@ def test_a_fit_that_ends_without_numbers_is_no_calibration(fang, monkeypatch):
     fit_experiment = calibration.fit_experiment
     monkeypatch.setattr(calibration, "fit_experiment", lost)
     with pytest.raises(mrjax.SimulationError, match="where nothing can be predicted"):
-        calibrate_experiment(fang, Options("closed-form"))
+        run(fang, model="closed-form")

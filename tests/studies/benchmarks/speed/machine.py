@@ -3,7 +3,7 @@
 import platform
 from pathlib import Path
 
-from mrjax.cli.provenance import versions
+from mrjax.io.versions import versions
 
 from . import liggghts, process
 
