@@ -185,6 +185,8 @@ def _warn(warnings: Iterable[str]) -> None:
 
 def _warn_of_misfit(result: dict[str, Any]) -> None:
     """Names the worst reading of data that do not fit."""
+    from calibrate.report.formatting import when
+
     if not result["misfit"]:
         return
     worst = max(
@@ -193,7 +195,7 @@ def _warn_of_misfit(result: dict[str, Any]) -> None:
     )
     _warn(
         [
-            f"the data do not fit; sample {worst['sample']}: {worst['measured']:.4g} "
+            f"the data do not fit; sample {worst['sample']}{when(worst)}: {worst['measured']:.4g} "
             f"{worst['unit']} measured, {worst['predicted']:.4g} predicted: check value and unit"
         ]
     )

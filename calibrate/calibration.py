@@ -229,7 +229,8 @@ def run(
         )
     # Outside the compiled fit a simulation checks itself and raises if not to be trusted.
     predictions = np.asarray(problem.predict(fit.theta))
-    held = profiles(fit, progress=progress) if fit.converged else ()
+    free = problem.experiment.scatter_freedom
+    held = profiles(fit, progress, free) if fit.converged else ()
     found = Calibration(experiment, options, problem, fit, identify(fit), predictions, held)
     found = _with_what_is_asked(found, folders, progress)
     return replace(found, wall_seconds=time.perf_counter() - began)
@@ -251,7 +252,7 @@ def _with_what_is_asked(
         with _collected(faults):
             more["left_out"] = tuple(
                 forecast.leave_one_out(
-                    experiment,
+                    calibration.problem.experiment,  # with errors, where these are estimated
                     options.model,
                     **options.fit_options,
                     checkpoint=folders["left-out"],

@@ -33,6 +33,11 @@ def _refuse_twice(name: str, sample: Sample, names: list[str]) -> None:
     """Refuses a quantity that another name, or the sample itself, gives as well."""
     if name == "f_w" and (clash := sorted(one for one in names if one.startswith(CLOSURE))):
         raise InputError(f"f_w follows from {clash[0]}; fit one of the two")
+    if name == "f_w" and sample.velocities is not None:
+        raise InputError(
+            "would be the same at all concentrations of its velocities; fit a coefficient of the "
+            "closure, such as f_w.exponent, or f_s"
+        )
     if name == BED and sample.bed_fraction is not None:
         raise InputError(
             f"has bed_fraction = {sample.bed_fraction!r} of its own; take one of them away"
@@ -40,20 +45,22 @@ def _refuse_twice(name: str, sample: Sample, names: list[str]) -> None:
 
 
 def refuse_a_file_twice(sheet: ExperimentSheet, folder: Path, source: str) -> None:
-    """Refuses one curve for two samples: its readings would count twice."""
+    """Refuses one file of readings for two samples: they would count twice."""
     sample_of: dict[tuple, str] = {}
     for sample in sheet.sample:
-        if sample.curve is None:
-            continue
-        columns = sample.curve.columns.model_dump_json()
-        readings = ((folder / sample.curve.file).resolve(), sample.curve.sheet, columns)
-        if readings in sample_of:
-            raise InputError(
-                f"{source}: sample {sample.name!r}: curve.file = {sample.curve.file!r} is that of "
-                f"sample {sample_of[readings]!r}, too, and its readings would count twice; give "
-                "each its own"
-            )
-        sample_of[readings] = sample.name
+        for key in ("curve", "velocities"):
+            table = getattr(sample, key)
+            if table is None:
+                continue
+            columns = table.columns.model_dump_json()
+            readings = ((folder / table.file).resolve(), table.sheet, columns)
+            if readings in sample_of:
+                raise InputError(
+                    f"{source}: sample {sample.name!r}: {key}.file = {table.file!r} is that of "
+                    f"sample {sample_of[readings]!r}, too, and its readings would count twice; "
+                    "give each its own"
+                )
+            sample_of[readings] = sample.name
 
 
 def odd_readings(sheet: ExperimentSheet, samples: tuple[Sample, ...], source: str) -> Iterator[str]:

@@ -1,5 +1,6 @@
 """An experiment: samples that were measured, and the parameters that are fitted to them."""
 
+import math
 from collections import Counter, OrderedDict
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -11,6 +12,7 @@ from calibrate.experiment import plausibility
 from calibrate.experiment.consistency import odd_readings, refuse_a_file_twice, refuse_parameters
 from calibrate.experiment.free_parameters import FreeParameter, free_parameters
 from calibrate.experiment.readings.understood import Understood
+from calibrate.experiment.readings.velocity_understood import VelocitiesUnderstood
 from calibrate.experiment.sample import Measurement as Measurement
 from calibrate.experiment.sample import Sample
 from calibrate.experiment.sample_reading import read_sample
@@ -85,15 +87,27 @@ class Experiment:
         return OrderedDict((one.variable, one.start) for one in self.parameters)
 
     @property
-    def data_as_understood(self) -> dict[str, Understood]:
-        """How the file of each curve was read, by sample."""
-        return {sample.name: sample.curve for sample in self.samples if sample.curve is not None}
+    def data_as_understood(self) -> dict[str, Understood | VelocitiesUnderstood]:
+        """How each file was read, by sample; that of its velocities has `velocities` behind it."""
+        files: dict[str, Understood | VelocitiesUnderstood] = {}
+        for sample in self.samples:
+            if sample.curve is not None:
+                files[sample.name] = sample.curve
+            if sample.velocities is not None:
+                files[f"{sample.name}, velocities"] = sample.velocities
+        return files
 
     @property
     def errors(self) -> str:
-        """`stated`, or `estimated` where those of any curve are."""
+        """`stated`, or `estimated` where those of any file are."""
         all_stated = all(one.errors == "stated" for one in self.data_as_understood.values())
         return "stated" if all_stated else "estimated"
+
+    @property
+    def scatter_freedom(self) -> float:
+        """Least degrees of freedom of an estimated scatter of velocities; infinite without one."""
+        scatters = [one.scatter for one in self.samples if one.scatter is not None]
+        return min((one.degrees_of_freedom or math.inf for one in scatters), default=math.inf)
 
     def varied(self, sample: Sample) -> tuple[str, ...]:
         """Names of what is fitted of a sample."""

@@ -213,23 +213,33 @@ def _readings(sample: Sample) -> tuple:
 
 
 def _absurd_speed(sample: Sample, suspension: Suspension) -> Iterator[str]:
-    """A speed far from that of the recipe with the medians."""
-    expected = float(np.abs(np.mean(np.asarray(terminal_velocity(suspension.parameters)))))
+    """A speed far from that of the recipe with the medians; of a table the first one is told."""
+    expected = _expected(suspension)
     for one in sample.measurements:
         if one.observable == "initial_velocity":
-            ratio = one.value * one.si / expected
+            at, where = expected, ""
+            if one.concentration is not None:
+                at = _expected(suspension.at(one.concentration.volume_fraction))
+                where = f" at {one.concentration.said}"
+            ratio = one.value * one.si / at
             if not 1.0 / ABSURD < ratio < ABSURD:
                 yield (
-                    f"sample {sample.name!r}: initial_velocity = {one.value:g} {one.unit} is "
-                    f"{ratio:.2g} times what its recipe gives with the medians, "
-                    f"{expected / one.si:.2g} {one.unit}: check unit, viscosity and diameter"
+                    f"sample {sample.name!r}: initial_velocity = {one.value:g} {one.unit}{where} "
+                    f"is {ratio:.2g} times what its recipe gives with the medians, "
+                    f"{at / one.si:.2g} {one.unit}: check unit, viscosity and diameter"
                 )
+                break
     fastest = max((_speed(sample, one) for one in sample.measurements), default=0.0)
     if fastest > ABSURD * expected:
         yield (
             f"sample {sample.name!r}: its curve falls {fastest / expected:.2g} times faster than "
             "its recipe does with the medians: check time_unit, unit, viscosity and diameter"
         )
+
+
+def _expected(suspension: Suspension) -> float:
+    """Speed of a suspension, m/s."""
+    return float(np.abs(np.mean(np.asarray(terminal_velocity(suspension.parameters)))))
 
 
 def _speed(sample: Sample, one: Measurement) -> float:

@@ -3,8 +3,46 @@
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
+from calibrate.experiment.readings import concentrations
 from calibrate.experiment.readings.understood import Understood
+from calibrate.experiment.readings.velocity_understood import VelocitiesUnderstood
 from mrjax import Recipe
+
+
+class Concentration(NamedTuple):
+    """The concentration at which a velocity was measured."""
+
+    value: float
+    """As its file has it."""
+    kind: str
+    """What it is, one of `concentrations.KINDS`."""
+    volume_fraction: float
+    """Of the uncoated particles; 1."""
+    place: int
+    """Place of its volume fraction among those of the sample."""
+
+    @property
+    def said(self) -> str:
+        """In words, with its unit."""
+        return concentrations.said(self.kind, self.value)
+
+
+class Scatter(NamedTuple):
+    """The relative scatter of the velocities of a table that states no errors."""
+
+    value: float
+    """Standard deviation of a reading over its predicted value."""
+    degrees_of_freedom: float
+    """Readings less what was fitted to them; 0 where nothing is left to tell it."""
+    source: Literal["fit", "repeats", "assumed"]
+    """Residuals of the fit, repeats at one concentration, or neither."""
+
+    @property
+    def standard_error(self) -> float:
+        """Standard error of the value: s / sqrt(2 nu), that of a standard deviation."""
+        if not self.degrees_of_freedom:
+            return float("inf")
+        return float(self.value / (2.0 * self.degrees_of_freedom) ** 0.5)
 
 
 class Measurement(NamedTuple):
@@ -25,6 +63,8 @@ class Measurement(NamedTuple):
     """Place of its time among those of the sample; None of what is no curve."""
     row: int | None = None
     """Row of its file."""
+    concentration: Concentration | None = None
+    """Of a velocity of a table; None of what was measured on the sample as it is."""
 
 
 @dataclass(frozen=True)
@@ -48,3 +88,14 @@ class Sample:
     """Times of its curve, increasing, (T,) in s; several readings may be of one."""
     curve: Understood | None = None
     """How the file of its curve was read."""
+    fractions: tuple[float, ...] = ()
+    """Volume fractions of uncoated particles at which velocities were measured, (K,)."""
+    velocities: VelocitiesUnderstood | None = None
+    """How the file of its velocities was read."""
+    scatter: Scatter | None = None
+    """Scatter of those velocities where no error is stated."""
+
+    @property
+    def scatter_to_fit(self) -> bool:
+        """True if the scatter of its velocities is estimated with the fit."""
+        return self.scatter is not None and self.scatter.source != "repeats"

@@ -2,10 +2,12 @@
 
 from pathlib import Path
 
-from calibrate.experiment import curve
+from calibrate.experiment import curve, velocity_table
 from calibrate.experiment.sample import Measurement, Sample
 from calibrate.experiment.sheets import SampleSheet
-from calibrate.experiment.units import RATIO_UNITS, VELOCITY_UNITS
+from calibrate.experiment.units import RATIO_UNITS
+from calibrate.experiment.velocity_table import VelocityTable
+from calibrate.experiment.velocity_units import velocity_unit
 from mrjax import InputError, Recipe
 from mrjax.core.errors import shown
 from mrjax.io import reading
@@ -45,6 +47,8 @@ def read_sample(
             )
         ]
         understood = read.understood
+    table = _velocities(sheet, folder, source, recipe)
+    measurements += table.measurements if table else []
     if ratio := sheet.viscosity_ratio:
         measurements.append(
             Measurement("viscosity_ratio", ratio.value, ratio.standard_deviation, "1", 1.0)
@@ -57,7 +61,22 @@ def read_sample(
         tuple(measurements),
         times,
         understood,
+        table.fractions if table else (),
+        table.understood if table else None,
+        table.scatter if table else None,
     )
+
+
+def _velocities(
+    sheet: SampleSheet, folder: Path, source: str, recipe: Recipe
+) -> VelocityTable | None:
+    """The table of velocities of a sample; None if it has none."""
+    if sheet.velocities is None:
+        return None
+    try:
+        return velocity_table.read(sheet.velocities, folder, recipe)
+    except InputError as error:
+        raise InputError(f"{source}: sample {shown(sheet.name)}: {error}") from None
 
 
 def _recipe(sheet: SampleSheet, folder: Path, source: str, recipes: dict[Path, Recipe]) -> Recipe:
@@ -82,13 +101,15 @@ def _readings_at_one_time(sheet: SampleSheet) -> list[Measurement]:
     """The initial velocity and the final ratio, where they were measured."""
     measurements = []
     if velocity := sheet.initial_velocity:
+        unit = velocity_unit(velocity.unit)
+        assert unit is not None  # the sheet has been validated
         measurements.append(
             Measurement(
                 "initial_velocity",
-                velocity.value,
-                velocity.standard_deviation,
-                velocity.unit,
-                VELOCITY_UNITS[velocity.unit],
+                velocity.value * unit.factor,
+                velocity.standard_deviation * unit.factor,
+                unit.name,
+                unit.si,
             )
         )
     if final := sheet.final_ratio:

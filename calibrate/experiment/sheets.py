@@ -6,8 +6,9 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from calibrate.experiment.free_parameters import ParameterSheet
-from calibrate.experiment.readings.sheet import CurveSheet
-from calibrate.experiment.units import RATIO_UNITS, VELOCITY_UNITS, one_of
+from calibrate.experiment.readings.sheet import CurveSheet, VelocitiesSheet
+from calibrate.experiment.units import RATIO_UNITS, one_of
+from calibrate.experiment.velocity_units import EXAMPLES, OF_VELOCITY
 from mrjax.core.errors import shown
 from mrjax.recipe.sheets import FileName, Name, Sheet
 
@@ -20,8 +21,8 @@ class InitialVelocity(Sheet):
 
     value: float = Field(gt=0, description="the measured velocity, above zero")
     standard_deviation: float = Field(gt=0, description="its uncertainty, above zero")
-    unit: Annotated[str, one_of(VELOCITY_UNITS)] = Field(
-        description=f"one of {', '.join(VELOCITY_UNITS)}"
+    unit: Annotated[str, OF_VELOCITY] = Field(
+        description=f"a length over a time, such as {EXAMPLES}"
     )
 
 
@@ -73,6 +74,9 @@ class SampleSheet(Sheet):
     curve: CurveSheet | None = Field(
         default=None, description="a table with file, and what is not to be found in it"
     )
+    velocities: VelocitiesSheet | None = Field(
+        default=None, description="a table with file: velocities or fluxes by concentration"
+    )
     viscosity_ratio: ViscosityRatio | None = Field(
         default=None, description="a table with value and standard_deviation"
     )
@@ -109,12 +113,13 @@ class ExperimentSheet(Sheet):
                 sample.initial_velocity,
                 sample.final_ratio,
                 sample.curve,
+                sample.velocities,
                 sample.viscosity_ratio,
             )
             if not any(measured):
                 raise ValueError(
                     f"sample {shown(sample.name)}: nothing was measured; give it a table "
-                    "initial_velocity, final_ratio, curve or viscosity_ratio"
+                    "initial_velocity, final_ratio, curve, velocities or viscosity_ratio"
                 )
         known, taken = set(names), set()
         for parameter in self.parameter:

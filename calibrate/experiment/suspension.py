@@ -2,7 +2,7 @@
 
 import inspect
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import jax
 import jax.numpy as jnp
@@ -35,6 +35,20 @@ class Suspension:
     """Volume fraction of the coated particles in the bed at rest, (); None if not given."""
     hindrance: Hindrance | None
     """f_w for other volume fractions, where the recipe asks for local drag."""
+    closure: Hindrance | None = None
+    """f_w for volume fractions; None where it is a number."""
+
+    def at(self, volume_fraction: ArrayLike) -> "Suspension":
+        """The same particles in another amount of fluid.
+
+        Args:
+          volume_fraction: of the uncoated particles, ().
+        """
+        fraction = jnp.asarray(volume_fraction, float) * self.parameters.f_r**3
+        if self.closure is None:
+            return replace(self, volume_fraction=fraction)
+        parameters = self.parameters.replace(f_w=self.closure(fraction))
+        return replace(self, parameters=parameters, volume_fraction=fraction)
 
 
 def suspension(
@@ -66,6 +80,7 @@ def suspension(
         fraction,
         changes.get(BED, bed_fraction),
         closure if recipe.drag.local else None,
+        closure,
     )
 
 

@@ -8,14 +8,6 @@ from pydantic import AfterValidator, ValidationInfo
 
 from mrjax.core.errors import shown
 
-VELOCITY_UNITS = {
-    "m/s": 1.0,
-    "um/s": 1e-6,
-    "mm/s": 1e-3,
-    "mm/h": 1e-3 / 3600,
-    "mm/day": 1e-3 / 86400,
-}
-"""SI value of one unit."""
 TIME_UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "day": 86400.0, "week": 604800.0}
 """Seconds in one unit."""
 HEIGHT_UNITS = {
@@ -28,6 +20,12 @@ HEIGHT_UNITS = {
     "ft": 0.3048,
 }
 """Metres in one unit of the mudline."""
+VELOCITY_UNITS = {
+    f"{length}/{time}": metres / seconds
+    for length, metres in HEIGHT_UNITS.items()
+    for time, seconds in TIME_UNITS.items()
+}
+"""Metres a second in one unit: a height over a time."""
 VOLUME_UNITS = {"m3": 1.0, "L": 1e-3, "dL": 1e-4, "cL": 1e-5, "mL": 1e-6, "uL": 1e-9}
 """Cubic metres in one unit of a volume in the tube."""
 RATIO_UNITS = {"1": 1.0, "%": 1e-2}

@@ -4,9 +4,10 @@ The other values follow. Unlike an error bar from the curvature at the optimum t
 that bends, or ends in nothing.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.stats import norm, t
 from tqdm import tqdm
 
 from calibrate.inference.curvature import information
@@ -17,11 +18,23 @@ from mrjax.core.promotion import relaxed_promotion
 from mrjax.core.text import in_terminal
 
 LEVELS = {"68 %": 1.0, "95 %": 3.841459}
-"""Increase of chi-squared at the ends of an interval, by its coverage."""
+"""Increase of chi-squared at the ends of an interval, by its coverage, of errors as stated."""
 REACH, POINTS = 4.0, 9
 """Of a profile, in standard errors to either side; its number of points."""
 GAUSS_NEWTON_STEPS = 2
 """From where a straight valley leads, which is near."""
+
+
+def levels(degrees_of_freedom: float = np.inf) -> dict[str, float]:
+    """Increase of chi-squared at the ends of an interval, by its coverage.
+
+    The square of Student's t where errors were estimated with so many degrees of freedom: their own
+    uncertainty makes intervals wider. `LEVELS` where errors are known.
+    """
+    if not np.isfinite(degrees_of_freedom):
+        return LEVELS
+    tails = {coverage: norm.cdf(level**0.5) for coverage, level in LEVELS.items()}
+    return {name: float(t.ppf(tail, degrees_of_freedom) ** 2) for name, tail in tails.items()}
 
 
 @dataclass(frozen=True)
@@ -35,27 +48,33 @@ class Profile:
     """Increase of chi-squared, priors included, over that of the fit; (K,)."""
     intervals: dict[str, tuple[float, float]]
     """By coverage; an end that lies beyond the profile is 0 or infinite."""
+    levels: dict[str, float] = field(default_factory=lambda: LEVELS)
+    """Increase of chi-squared at the ends of the intervals, by coverage."""
 
 
-def profiles(fit: Fit, progress: bool = False) -> tuple[Profile, ...]:
+def profiles(
+    fit: Fit, progress: bool = False, degrees_of_freedom: float = np.inf
+) -> tuple[Profile, ...]:
     """A profile of every value that has an error bar.
 
     Args:
       fit: converged.
       progress: whether to show a progress bar, on standard error.
+      degrees_of_freedom: of errors that were estimated; infinite where they are stated.
     """
+    at = levels(degrees_of_freedom)
     errors = identify(fit).standard_errors
     bounded = [place for place, name in enumerate(fit.names) if np.isfinite(errors[name])]
     total = len(bounded) * (1 + POINTS)
     shown = tqdm(desc="profiles", total=total, disable=not progress, leave=False)
     with stoppable(), shown as bar:
         return tuple(
-            _profile(fit, place, errors[fit.names[place]] / fit.values[place], bar)
+            _profile(fit, place, errors[fit.names[place]] / fit.values[place], at, bar)
             for place in bounded
         )
 
 
-def _profile(fit: Fit, place: int, error: float, bar: tqdm) -> Profile:
+def _profile(fit: Fit, place: int, error: float, at: dict[str, float], bar: tqdm) -> Profile:
     name = fit.names[place]
     best = np.log(fit.values)
     curved = information(fit)
@@ -65,7 +84,8 @@ def _profile(fit: Fit, place: int, error: float, bar: tqdm) -> Profile:
     along[place] = 1.0
     within = curved[np.ix_(free, free)]
     along[free] = -np.linalg.pinv(within, hermitian=True) @ curved[free, place]
-    offsets = np.linspace(-REACH * error, REACH * error, POINTS)
+    reach = REACH * error * max((at[one] / LEVELS[one]) ** 0.5 for one in at)
+    offsets = np.linspace(-reach, reach, POINTS)
     with relaxed_promotion():
         bar.set_postfix_str(in_terminal(name))
         lowest = _held(fit, free, best, steps=0)
@@ -78,8 +98,8 @@ def _profile(fit: Fit, place: int, error: float, bar: tqdm) -> Profile:
         bar.update()
     increase -= lowest
     values = fit.values[place] * np.exp(offsets)
-    intervals = {coverage: _interval(values, increase, level) for coverage, level in LEVELS.items()}
-    return Profile(name, values, increase, intervals)
+    intervals = {coverage: _interval(values, increase, level) for coverage, level in at.items()}
+    return Profile(name, values, increase, intervals, at)
 
 
 def _held(fit: Fit, free: np.ndarray, logs: np.ndarray, steps: int) -> float:

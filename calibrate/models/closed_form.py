@@ -8,7 +8,12 @@ import mrjax
 from calibrate.experiment.sample import Sample
 from calibrate.experiment.suspension import Suspension
 from calibrate.models.bed import final_ratio, simulated_fraction
-from calibrate.models.prediction import ForwardModel, Prediction, prediction
+from calibrate.models.prediction import (
+    ForwardModel,
+    Prediction,
+    prediction,
+    terminal_velocities,
+)
 
 
 def closed_form(
@@ -33,6 +38,7 @@ def closed_form(
         velocity = jnp.mean(mrjax.terminal_velocity(suspension.parameters))
         final = final_ratio(suspension, bed)
         ratio = jnp.maximum(1.0 - velocity * times / sample.height, final)
-        return prediction(sample, suspension, velocity, final, ratio)
+        velocities = terminal_velocities(sample, suspension)
+        return prediction(sample, suspension, velocity, final, ratio, velocities)
 
     return predict

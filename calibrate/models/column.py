@@ -10,7 +10,12 @@ import mrjax
 from calibrate.experiment.sample import Sample
 from calibrate.experiment.suspension import Suspension
 from calibrate.models.bed import final_ratio, fraction_of_bed, simulated_fraction
-from calibrate.models.prediction import ForwardModel, Prediction, prediction
+from calibrate.models.prediction import (
+    ForwardModel,
+    Prediction,
+    prediction,
+    terminal_velocities,
+)
 from mrjax import InputError
 from mrjax.core.tracing import value_or_none
 
@@ -54,7 +59,8 @@ def column(
             whole = replace(suspension, bed_fraction=fraction_of_bed(suspension, bed))
             tube = _tube(sample, whole, cells)
             ratio = mrjax.column(**tube, steps=_enough(steps, tube)).mudline / sample.height
-        return prediction(sample, suspension, velocity, final, ratio)
+        velocities = terminal_velocities(sample, suspension)
+        return prediction(sample, suspension, velocity, final, ratio, velocities)
 
     return predict
 

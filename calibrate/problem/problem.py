@@ -12,10 +12,16 @@ from jax import Array
 from calibrate.experiment.experiment import Experiment
 from calibrate.experiment.physical_bounds import bounds
 from calibrate.experiment.sample import Measurement, Sample
+from calibrate.experiment.suspension import Suspension
 from calibrate.least_squares.priors import LogNormal
 from calibrate.models.closed_form import closed_form
 from calibrate.models.forward_models import forward_model
-from calibrate.models.prediction import ForwardModel, ForwardModelMaker, as_measured
+from calibrate.models.prediction import (
+    ForwardModel,
+    ForwardModelMaker,
+    as_measured,
+    terminal_velocities,
+)
 from mrjax import terminal_velocity
 from mrjax.io.checkpoint import refuse_foreign
 
@@ -92,8 +98,7 @@ class Problem:
         suspension_of = self.experiment.suspension_of
         for sample in () if self.everywhere else self.experiment.samples:
             asked, prepared = (
-                np.asarray(terminal_velocity(suspension_of(sample, values).parameters))
-                for values in (theta, self.near)
+                _velocities(sample, suspension_of(sample, values)) for values in (theta, self.near)
             )
             if (np.abs(np.log(asked / prepared)) > np.log(HOLDS_WITHIN)).any():
                 return False
@@ -133,6 +138,11 @@ class Problem:
         """The measured values, each in its unit, (M,)."""
         return np.array([one.value for _, one in self.measurements])
 
+    @property
+    def errors(self) -> np.ndarray:
+        """Standard deviations of the measured values, each in its unit, (M,)."""
+        return np.array([one.standard_deviation for _, one in self.measurements])
+
     def residuals(self, theta: dict[str, Array], measured: Array | None = None) -> Array:
         """(prediction - measurement) / standard deviation, (M,).
 
@@ -141,5 +151,14 @@ class Problem:
           measured: in place of the experiment's values, each in its unit, (M,).
         """
         measured = jnp.asarray(self.measured) if measured is None else measured
-        spread = jnp.array([one.standard_deviation for _, one in self.measurements])
-        return (self.predict(theta) - measured) / spread
+        return (self.predict(theta) - measured) / jnp.asarray(self.errors)
+
+    def residuals_with(self, theta: dict[str, Array], errors: Array) -> Array:
+        """The residuals with other standard deviations, each in the unit of its value, (M,)."""
+        return (self.predict(theta) - jnp.asarray(self.measured)) / errors
+
+
+def _velocities(sample: Sample, suspension: Suspension) -> np.ndarray:
+    """Velocities of the particles of a sample, and those at each concentration of its table."""
+    own = np.ravel(np.asarray(terminal_velocity(suspension.parameters)))
+    return np.concatenate([own, np.asarray(terminal_velocities(sample, suspension))])

@@ -6,11 +6,13 @@ near which it is asked. Where a fit leads far away, that is done anew there.
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from calibrate.experiment.experiment import Experiment
 from calibrate.least_squares.fit import Fit, fit
 from calibrate.models.prediction import ForwardModelMaker
 from calibrate.problem.problem import Problem
+from calibrate.problem.scatter import fit_with_scatter
 from mrjax import SimulationError
 from mrjax.io.checkpoint import refuse_foreign
 
@@ -69,16 +71,8 @@ def fit_experiment(
     for number in range(MOST_PREPARED):
         folder = checkpoint and Path(checkpoint) / f"prepared-{number}"
         problem = Problem.prepare(experiment, model, seed, near, folder)
-        result = fit(
-            problem.residuals,
-            problem.near,
-            priors=problem.priors,
-            bounds=problem.bounds,
-            starts=starts,
-            seed=seed,
-            robust=robust,
-            progress=progress,
-            checkpoint=folder,
+        problem, result = _fitted(
+            problem, starts=starts, seed=seed, robust=robust, progress=progress, checkpoint=folder
         )
         spent += result.model_runs
         holds = problem.holds_at(result.theta)
@@ -86,6 +80,32 @@ def fit_experiment(
             break
         near, starts = result.theta, 1
     return problem, replace(result, converged=result.converged and holds, model_runs=spent)
+
+
+def _fitted(
+    problem: Problem, *, starts: int, checkpoint: str | Path | None, **options: Any
+) -> tuple[Problem, Fit]:
+    """The fit of a prepared problem, with the scatter of its velocities where it is to be fitted.
+
+    Args:
+      problem: where its models are prepared, the search begins.
+      starts, checkpoint, options: as for `fit`.
+    """
+    common = dict(priors=problem.priors, bounds=problem.bounds, **options)
+    if not any(sample.scatter_to_fit for sample in problem.experiment.samples):
+        found = fit(problem.residuals, problem.near, starts=starts, checkpoint=checkpoint, **common)
+        return problem, found
+    residuals, begin, many = problem.residuals_with, problem.near, starts
+
+    def fit_errors(with_errors: Problem, number: int) -> Fit:
+        nonlocal begin, many
+        folder = checkpoint and Path(checkpoint) / f"scatter-{number}"
+        errors = with_errors.errors  # as data: one compiled program for all rounds
+        found = fit(residuals, begin, data=errors, starts=many, checkpoint=folder, **common)
+        begin, many = found.theta, 1
+        return found
+
+    return fit_with_scatter(problem, fit_errors)
 
 
 calibrated = fit_experiment

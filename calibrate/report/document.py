@@ -43,7 +43,7 @@ and {result["degrees_of_freedom"]} degrees of freedom; {result["model_runs"]} mo
 ## Predicted against measured
 
 {_understood(result)}{predictions}
-{shown("predictions", "curves", "residuals")}
+{shown("predictions", "velocities", "curves", "residuals")}
 
 ## What the data determine
 {words}
@@ -87,7 +87,7 @@ def _verdict(result: dict[str, Any]) -> str:
 
 
 def _understood(result: dict[str, Any]) -> str:
-    """How the file of each curve was read."""
+    """How each file was read."""
     lines = [
         f"Sample {in_markdown(name)}: {in_markdown(one['line'])}.\n\n"
         for name, one in result["data_as_understood"].items()

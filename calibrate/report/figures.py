@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from calibrate.experiment.units import CURVES, TIME_UNITS
 from calibrate.inference.posterior import Posterior
-from calibrate.inference.profile import LEVELS, Profile
+from calibrate.inference.profile import Profile
 from calibrate.least_squares.fit import Fit
 from calibrate.problem.problem import Problem
 from calibrate.report.formatting import spelled
@@ -27,8 +27,10 @@ def figures(
 ) -> dict[str, Figure]:
     """The figures of a fit, by the name of their file."""
     drawn = {}
-    if any(one["observable"] not in CURVES for one in result["predictions"]):
+    if any(_is_alone(one) for one in result["predictions"]):
         drawn["predictions"] = predictions_figure(result)
+    if any("concentration" in one for one in result["predictions"]):
+        drawn["velocities"] = velocities_figure(result)
     if any(one["observable"] in CURVES for one in result["predictions"]):
         drawn["curves"] = curves_figure(result)
     drawn["residuals"] = residuals_figure(result)
@@ -38,6 +40,45 @@ def figures(
         drawn["posterior"] = corner_figure(samples)
     drawn["loss"] = loss_figure(fit)
     return drawn
+
+
+def _is_alone(one: dict[str, Any]) -> bool:
+    """True of a measurement that is neither of a curve nor of a table of velocities."""
+    return one["observable"] not in CURVES and "concentration" not in one
+
+
+@STYLE
+def velocities_figure(result: dict[str, Any]) -> Figure:
+    """Measured and predicted velocities against volume fraction, with two standard errors."""
+    rows = [one for one in result["predictions"] if "concentration" in one]
+    names = list(dict.fromkeys(one["sample"] for one in rows))
+    figure = Figure(figsize=(COLUMN * len(names), 2.4), layout="constrained")
+    for axes, name in zip(figure.subplots(1, len(names), squeeze=False)[0], names, strict=True):
+        of_sample = [one for one in rows if one["sample"] == name]
+        of_sample.sort(key=lambda one: one["volume_fraction"])
+        fractions = [one["volume_fraction"] for one in of_sample]
+        axes.errorbar(
+            fractions,
+            [one["measured"] for one in of_sample],
+            [one["sigma"] for one in of_sample],
+            fmt="o",
+            ms=3,
+            color="black",
+            capsize=2,
+            label="measured",
+        )
+        predicted = np.array([one["predicted"] for one in of_sample])
+        spread = 2.0 * np.array([one["predicted_error"] for one in of_sample])
+        axes.plot(fractions, predicted, color="0.4", label="predicted")
+        if np.isfinite(spread).all():
+            low = np.maximum(predicted - spread, 0.5 * predicted)  # on an axis of logarithms
+            axes.fill_between(fractions, low, predicted + spread, color="0.85", zorder=0)
+        axes.set_yscale("log")
+        axes.set_title(f"sample {in_figure(name)}")
+        axes.set_xlabel("volume fraction")
+        axes.set_ylabel(f"initial velocity, {of_sample[0]['unit']}")
+    axes.legend()
+    return figure
 
 
 @STYLE
@@ -118,10 +159,10 @@ def profiles_figure(problem: Problem, profiles: tuple[Profile, ...]) -> Figure:
         logs = np.linspace(first, last, 200)
         increase = np.interp(logs, np.log(profile.values), root) ** 2
         axes.plot([parameter.value(x) for x in np.exp(logs)], increase, color="black")
-        for coverage, level in LEVELS.items():
+        for coverage, level in profile.levels.items():
             axes.axhline(level, color="0.6", lw=0.8)
             axes.annotate(coverage, (1.0, level), xycoords=("axes fraction", "data"), ha="right")
-        axes.set_ylim(0, 9)
+        axes.set_ylim(0, max(9.0, 1.5 * max(profile.levels.values())))
         axes.set_xlabel(in_figure(parameter.label))
     axes_of[0].set_ylabel("increase of chi-squared")
     return figure
@@ -147,7 +188,7 @@ def corner_figure(samples: Posterior) -> Figure:
 @STYLE
 def predictions_figure(result: dict[str, Any]) -> Figure:
     """Measured values with their uncertainty, predicted ones beside them."""
-    rows = [one for one in result["predictions"] if one["observable"] not in CURVES]
+    rows = [one for one in result["predictions"] if _is_alone(one)]
     units = list(dict.fromkeys(one["unit"] for one in rows))
     figure = Figure(figsize=(0.6 + 2.2 * len(units), 2.4), layout="constrained")
     for axes, unit in zip(figure.subplots(1, len(units), squeeze=False)[0], units, strict=True):

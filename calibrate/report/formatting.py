@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from calibrate.experiment.readings import concentrations
 from calibrate.experiment.units import CURVES, TIME_UNITS
 from calibrate.inference.identify import WITHOUT_PRIOR
 
@@ -39,10 +40,12 @@ def off(one: dict[str, Any], form: str = "{}") -> str:
 
 
 def when(one: dict[str, Any]) -> str:
-    """The time of a reading of a curve; nothing of another."""
-    return (
-        f" at {one['time_s'] / TIME_UNITS['day']:.4g} days" if one["observable"] in CURVES else ""
-    )
+    """The time of a reading of a curve, the concentration of one of a table; nothing of another."""
+    if one["observable"] in CURVES:
+        return f" at {one['time_s'] / TIME_UNITS['day']:.4g} days"
+    if "concentration" not in one:
+        return ""
+    return f" at {concentrations.said(one['concentration_kind'], one['concentration'])}"
 
 
 def interval(profile: dict[str, list[float]] | None, coverage: str) -> str:

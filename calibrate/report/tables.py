@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from calibrate.experiment.free_parameters import FreeParameter
+from calibrate.experiment.sample import Measurement
 from calibrate.inference.curvature import covariance, information
 from calibrate.inference.forecast import Forecast
 from calibrate.inference.identify import Identification
@@ -15,6 +16,7 @@ from calibrate.inference.misfit import Agreement, agreement
 from calibrate.inference.posterior import Posterior
 from calibrate.inference.products import expression
 from calibrate.inference.profile import Profile
+from calibrate.inference.runs import runs_tests
 from calibrate.least_squares.fit import Fit
 from calibrate.least_squares.programs import pseudo_huber
 from calibrate.problem.problem import Problem
@@ -56,6 +58,8 @@ def summary(
         "data_as_understood": {
             name: one.table() for name, one in problem.experiment.data_as_understood.items()
         },
+        "scatter": _scatter(problem),
+        "runs": [one._asdict() for one in runs_tests(problem, fit)],
         "predictions": _predictions(problem, fit, predicted),
         "validity": {
             name: {one.name: {"value": one.value, "holds": one.holds} for one in numbers}
@@ -257,10 +261,10 @@ def _predictions(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[dict
             "predicted": value,
             "predicted_error": error,
             "unit": one.unit,
-            **({} if one.place is None else {"time_s": sample.times[one.place]}),
+            **_where(one, None if one.place is None else sample.times[one.place]),
             **(
                 {"varies_as": expression(fit.names, np.round(row, 6))}
-                if one.place is None and fit.robust is None
+                if one.place is None and one.concentration is None and fit.robust is None
                 else {}
             ),
         }
@@ -268,6 +272,33 @@ def _predictions(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[dict
             problem.measurements, predicted, errors, exponents, strict=True
         )
     ]
+
+
+def _where(one: Measurement, time: float | None) -> dict[str, Any]:
+    """The time of a reading of a curve, or the concentration of one of a table."""
+    if time is not None:
+        return {"time_s": time}
+    if one.concentration is None:
+        return {}
+    return {
+        "concentration": one.concentration.value,
+        "concentration_kind": one.concentration.kind,
+        "volume_fraction": one.concentration.volume_fraction,
+    }
+
+
+def _scatter(problem: Problem) -> dict[str, dict[str, Any]]:
+    """The relative scatter of velocities without a stated error, by sample."""
+    return {
+        sample.name: {
+            "value": sample.scatter.value,
+            "standard_error": sample.scatter.standard_error,
+            "degrees_of_freedom": sample.scatter.degrees_of_freedom,
+            "source": sample.scatter.source,
+        }
+        for sample in problem.experiment.samples
+        if sample.scatter is not None
+    }
 
 
 def forecasts(predictions: list[Forecast]) -> list[dict[str, Any]]:
@@ -282,7 +313,7 @@ def forecasts(predictions: list[Forecast]) -> list[dict[str, Any]]:
             "predicted_error": forecast.standard_error,
             "unit": forecast.measurement.unit,
             "difference_over_both_errors": forecast.off,
-            **({} if forecast.time is None else {"time_s": forecast.time}),
+            **_where(forecast.measurement, forecast.time),
         }
         for forecast in predictions
     ]

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from calibrate.inference.runs import TOO_FEW_BELOW
 from calibrate.report.formatting import by_chance, off, spelled, when, with_error
 from mrjax.core.text import in_code, in_markdown, in_terminal
 
@@ -46,6 +47,8 @@ def in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]
     text, code = language
     parameters, combinations = result["parameters"], result["determined_combinations"]
     lines = [_misfit(result)] if result["misfit"] else []
+    lines += [_scatter(text(name), one) for name, one in result["scatter"].items()]
+    lines += [_runs(text, one) for one in result["runs"]]
     lines += [
         f"The {spelled(one['observable'])} of sample {text(one['sample'])} varies as "
         f"{text(one['varies_as'])}: only that product of powers can be read from it."
@@ -87,6 +90,33 @@ def in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]
             listed = ", ".join(map(code, names))
             lines.append((several if len(names) > 1 else one).format(listed))
     return lines
+
+
+def _scatter(name: str, one: dict[str, Any]) -> str:
+    """The sentence about the scatter of velocities without a stated error."""
+    scatter = f"The relative scatter of the velocities of sample {name}"
+    value, error = 100.0 * one["value"], 100.0 * one["standard_error"]
+    if one["source"] == "assumed":
+        return f"{scatter} is assumed, {value:.3g} %: too few readings tell it."
+    whence = "repeats" if one["source"] == "repeats" else "their residuals"
+    return (
+        f"{scatter}, {with_error(value, error)} %, is estimated from {whence}, with "
+        f"{one['degrees_of_freedom']:.3g} degrees of freedom: errors of fitted values follow from "
+        "it, and intervals are those of Student's distribution."
+    )
+
+
+def _runs(text: Callable[[str], str], one: dict[str, Any]) -> str:
+    """The sentence about the runs test of readings without a stated error."""
+    changes = one["runs"] - 1
+    said = (
+        f"The residuals of the {one['readings']} readings of the {spelled(one['observable'])} of "
+        f"sample {text(one['sample'])} change sign {changes} time{'s' if changes != 1 else ''}; "
+        f"noise does so as seldom with p {by_chance(one['p_value'])}"
+    )
+    return (
+        f"{said}: the model misses their shape." if one["p_value"] < TOO_FEW_BELOW else f"{said}."
+    )
 
 
 def _misfit(result: dict[str, Any]) -> str:

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from calibrate.experiment.readings import delimiter, text, workbook
-from calibrate.experiment.readings.sheet import CurveSheet
+from calibrate.experiment.readings.sheet import FileSheet
 from calibrate.experiment.readings.table import Row, Table
 from mrjax import InputError
 from mrjax.io import reading
@@ -21,7 +21,7 @@ _SEPARATOR = re.compile(r'"?sep=(.)"?', re.IGNORECASE)
 """First line of what a spreadsheet has saved to open it again."""
 
 
-def tables(sheet: CurveSheet, folder: Path) -> list[Table]:
+def tables(sheet: FileSheet, folder: Path) -> list[Table]:
     """The table of a text, or those of the sheets of a workbook that are not empty.
 
     Raises:
@@ -53,14 +53,14 @@ def _content(path: Path) -> bytes:
     try:
         return reading.content(path, MOST_BYTES)
     except FileNotFoundError:
-        raise InputError(f"{path}: no such file; give the curve's CSV or .xlsx file") from None
+        raise InputError(f"{path}: no such file; give a CSV or .xlsx file") from None
     except IsADirectoryError:
         raise InputError(f"{path}: is a directory; give a CSV or .xlsx file in it") from None
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from None
 
 
-def _table(content: bytes, path: Path, sheet: CurveSheet) -> Table:
+def _table(content: bytes, path: Path, sheet: FileSheet) -> Table:
     decoded = text.decoded(content, path, sheet.encoding)
     lines: list[delimiter.Line] = []
     comment: delimiter.Line | None = None

@@ -1,12 +1,14 @@
-"""The table of a curve in an experiment file: the file, and what may be stated of it."""
+"""Files of readings in an experiment file, and what may be stated of each."""
 
 from datetime import date, datetime, time
-from typing import Annotated
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
+from calibrate.experiment.readings.concentrations import KINDS, OF_CONCENTRATION
 from calibrate.experiment.readings.dates import strptime_format
 from calibrate.experiment.units import READINGS, TIME, spelled
+from calibrate.experiment.velocity_units import EXAMPLES, OF_VELOCITY
 from mrjax.recipe.sheets import FileName, Name, Sheet
 
 Column = Name | Annotated[int, Field(ge=1)]
@@ -31,18 +33,30 @@ class ColumnsSheet(Sheet):
     )
 
 
-class CurveSheet(Sheet):
-    """The table of a curve: its file, and what is not left to be found in it."""
+class FileSheet(Sheet):
+    """A file of readings, and what may be stated of it whatever it holds."""
 
     file: FileName = Field(description="a CSV or .xlsx file, as a path from this file")
-    columns: ColumnsSheet = Field(
-        default=ColumnsSheet(), description='a table such as {time = "t", mudline = "h"}'
-    )
     delimiter: str | None = Field(default=None, description='",", ";", "\\t", "|" or " "')
     decimal: str | None = Field(default=None, description='"." or ","')
     encoding: str | None = Field(default=None, description="utf-8, utf-16 or latin-1")
     sheet: Name | Annotated[int, Field(ge=1)] | None = Field(
         default=None, description="the name of a sheet of a workbook, or its number from 1"
+    )
+
+    @field_validator("decimal")
+    @classmethod
+    def _a_mark(cls, decimal: str | None) -> str | None:
+        if decimal not in (None, ".", ","):
+            raise ValueError(f'decimal = {decimal!r}: must be "." or ","')
+        return decimal
+
+
+class CurveSheet(FileSheet):
+    """The table of a curve: its file, and what is not left to be found in it."""
+
+    columns: ColumnsSheet = Field(
+        default=ColumnsSheet(), description='a table such as {time = "t", mudline = "h"}'
     )
     time_unit: Annotated[str, spelled(TIME)] | None = Field(
         default=None, description=f"one of {', '.join(TIME.units)}"
@@ -66,9 +80,58 @@ class CurveSheet(Sheet):
     def _a_format(cls, date_format: str | None) -> str | None:
         return None if date_format is None else strptime_format(date_format)
 
-    @field_validator("decimal")
-    @classmethod
-    def _a_mark(cls, decimal: str | None) -> str | None:
-        if decimal not in (None, ".", ","):
-            raise ValueError(f'decimal = {decimal!r}: must be "." or ","')
-        return decimal
+
+class VelocityColumnsSheet(Sheet):
+    """Columns of a table of velocities by what they hold: names in its header, or numbers."""
+
+    concentration: Column | None = Field(default=None, description="the column of concentrations")
+    velocity: Column | list[Column] | None = Field(
+        default=None, description="the column of velocities, or a list of repeats"
+    )
+    flux: Column | list[Column] | None = Field(
+        default=None, description="the column of fluxes, or a list of repeats"
+    )
+    standard_deviation: Column | None = Field(
+        default=None, description="the column of the errors of readings"
+    )
+
+
+class VelocitiesSheet(FileSheet):
+    """A table of velocities or fluxes by concentration: its file, and what is not to be found."""
+
+    columns: VelocityColumnsSheet = Field(
+        default=VelocityColumnsSheet(),
+        description='a table such as {concentration = "phi", velocity = "v"}',
+    )
+    concentration: Annotated[str, OF_CONCENTRATION] | None = Field(
+        default=None, description=f"what the concentrations are: {', '.join(KINDS)}"
+    )
+    quantity: Literal["velocity", "flux"] | None = Field(
+        default=None, description='"velocity", or "flux" for velocity times volume fraction'
+    )
+    unit: Annotated[str, OF_VELOCITY] | None = Field(
+        default=None, description=f"of the readings, a length over a time, such as {EXAMPLES}"
+    )
+    standard_deviation: float | None = Field(
+        default=None, gt=0, description="the uncertainty of every reading in this unit, above zero"
+    )
+    relative_standard_deviation: float | None = Field(
+        default=None, gt=0, lt=1, description="that of every reading as a share of it, 0 to 1"
+    )
+
+    @model_validator(mode="after")
+    def _one_quantity(self) -> Self:
+        stated = {self.quantity} - {None}
+        stated |= {key for key in ("velocity", "flux") if getattr(self.columns, key) is not None}
+        if len(stated) > 1:
+            raise ValueError("columns or quantity name both velocity and flux: keep one")
+        return self
+
+    @model_validator(mode="after")
+    def _one_error(self) -> Self:
+        if None not in (self.standard_deviation, self.relative_standard_deviation):
+            raise ValueError(
+                f"standard_deviation = {self.standard_deviation:g} and "
+                f"relative_standard_deviation = {self.relative_standard_deviation:g}: keep one"
+            )
+        return self

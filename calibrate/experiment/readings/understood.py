@@ -56,10 +56,10 @@ class Understood:
             self._errors(unit),
         ]
         if self.ignored_columns:
-            parts.append(f"not used: {_some([shown(one) for one in self.ignored_columns])}")
+            parts.append(f"not used: {some([shown(one) for one in self.ignored_columns])}")
         if self.left_out:
             plural = "s" if len(self.left_out) > 1 else ""
-            numbers = _some([str(one) for one in self.left_out])
+            numbers = some([str(one) for one in self.left_out])
             parts.append(f"without a reading: {self.row_word}{plural} {numbers}")
         return "; ".join(parts)
 
@@ -80,7 +80,7 @@ class Understood:
         return f"standard deviation {between}, {self.errors}"
 
 
-def _some(names: list[str]) -> str:
+def some(names: list[str]) -> str:
     """The first names of a list, and how many more there are."""
     more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
     return ", ".join(names[:MOST_NAMED]) + more

@@ -53,3 +53,17 @@ FOREIGN = _words(
     "km nm mile miles yd gal oz lb mm/s cm/s m/s mm/min cm/min mm/h cm/h ntu"
 )
 """Units in which no time or mudline is read: of another column, or to be converted."""
+
+VELOCITY = _words("velocity velocities speed rate v u v0 u0 vs us geschwindigkeit vitesse")
+FLUX = _words("flux fluxes")
+CONCENTRATION = _words(
+    "concentration conc content loading solids consistency fraction phi c konzentration"
+) | {"\N{GREEK SMALL LETTER PHI}"}
+BY_VOLUME = _words("vol volume volumetric phi") | {"\N{GREEK SMALL LETTER PHI}"}
+BY_WEIGHT = _words("wt weight mass w massic")
+PERCENT = _words("% percent pct prozent")
+FRACTION = _words("fraction frac phi") | {"\N{GREEK SMALL LETTER PHI}"}
+LIQUID = _words("water liquid fluid oil solvent carrier")
+SOLID = _words("solid solids particle particles powder sediment beads")
+OVER = _words("per to ratio / kg g")
+"""Between solid and liquid where one is divided by the other."""

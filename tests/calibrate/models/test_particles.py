@@ -9,7 +9,7 @@ import pytest
 import mrjax
 from calibrate.experiment.sample import Measurement, Sample
 from calibrate.experiment.suspension import suspension
-from calibrate.models import particles
+from calibrate.models import falling, particles
 from mrjax.laws import time_scales
 
 WIDE = mrjax.Box((1e-3, 1e-3, 1e-3))
@@ -53,11 +53,11 @@ def test_contacts_count_where_particles_may_meet(recipe, monkeypatch, share, wit
     )
     model(near)
     ((parameters, _),) = calls
-    contacts = {name: float(getattr(parameters, name)) for name in particles.WITHOUT_CONTACTS}
+    contacts = {name: float(getattr(parameters, name)) for name in falling.WITHOUT_CONTACTS}
     if with_contacts:
         assert (contacts["friction"], contacts["restitution"]) == (0.3, 0.5)
     else:
-        assert contacts == particles.WITHOUT_CONTACTS
+        assert contacts == falling.WITHOUT_CONTACTS
 
 
 def test_a_run_takes_one_step_for_each_relaxation(recipe, monkeypatch):

@@ -1,0 +1,147 @@
+"""Concentrations: what a number may be one of, how a header says so, and its volume fraction.
+
+All are of the particles without their coating. A coating stays with its particles: in a suspension
+that is diluted each has as much of it.
+"""
+
+import re
+from typing import NamedTuple
+
+from pydantic import AfterValidator, ValidationInfo
+
+from calibrate.experiment.readings import vocabulary
+from calibrate.experiment.velocity_units import plain
+from mrjax import InputError, Recipe
+from mrjax.core.errors import shown
+from mrjax.recipe.composition import Composition
+from mrjax.recipe.plausibility import RANDOM_CLOSE_PACKING
+
+
+class Kind(NamedTuple):
+    """What a concentration is, and in which unit."""
+
+    way: str
+    """The key of a composition that states it."""
+    factor: float
+    """On a number, for that key."""
+    said: str
+    """A number of it in words."""
+    inverse: bool = False
+    """True if the number is one over that of the key."""
+
+
+KINDS = {
+    "volume fraction": Kind("volume_fraction", 1.0, "volume fraction {:.4g}"),
+    "volume percent": Kind("volume_fraction", 1e-2, "{:.4g} % by volume"),
+    "weight fraction": Kind("particle", 1.0, "weight fraction {:.4g}"),
+    "weight percent": Kind("particle", 1e-2, "{:.4g} % by weight"),
+    "kg/m3": Kind("concentration", 1.0, "{:.4g} kg/m3"),
+    "g/L": Kind("concentration", 1.0, "{:.4g} g/L"),
+    "g/mL": Kind("concentration", 1e3, "{:.4g} g/mL"),
+    "mg/L": Kind("concentration", 1e-3, "{:.4g} mg/L"),
+    "solids ratio": Kind("solids_ratio", 1.0, "{:.4g} kg of solid per kg of liquid"),
+    "liquid ratio": Kind("solids_ratio", 1.0, "{:.4g} kg of liquid per kg of solid", inverse=True),
+}
+"""The kinds by their names."""
+
+_TOKENS = re.compile(r"%|/|[^\W\d_]+")
+_DENSITIES = {
+    "kg/m3": r"kg\s*(?:/|\s*per\s+)\s*m\^?3|kg[\s.·*]*m\s*\^?-3",
+    "g/mL": r"g\s*(?:/|\s*per\s+)\s*(?:ml|cm\^?3|cc)|g[\s.·*]*(?:ml\s*\^?-1|cm\s*\^?-3)",
+    "g/L": r"(?:g\s*(?:/|\s*per\s+)\s*(?:l|dm\^?3|litre|liter)|g[\s.·*]*l\s*\^?-1)",
+    "mg/L": r"mg\s*(?:/|\s*per\s+)\s*(?:l|litre|liter)|mg[\s.·*]*l\s*\^?-1|ppm",
+}
+_DENSITY = {
+    name: re.compile(rf"(?<![^\W\d_])(?:{one})(?![\w^])") for name, one in _DENSITIES.items()
+}
+
+
+def kind_of(text: str) -> str | None:
+    """The kind of concentration that a header or a stated word names; None if it names none.
+
+    `phi`, `volume fraction`, `vol%`, `solids (wt %)`, `c (g/L)`, `water_kg_per_kg_solid`.
+    """
+    whole = plain(text).replace("v/v", " volume fraction ").replace("w/w", " weight fraction ")
+    for name, pattern in _DENSITY.items():
+        if pattern.search(whole):
+            return name
+    tokens = _TOKENS.findall(whole)
+    words = set(tokens)
+    liquid = next((place for place, one in enumerate(tokens) if one in vocabulary.LIQUID), None)
+    solid = next((place for place, one in enumerate(tokens) if one in vocabulary.SOLID), None)
+    if liquid is not None and solid is not None and words & vocabulary.OVER:
+        return "liquid ratio" if liquid < solid else "solids ratio"
+    if "ratio" in words and (liquid is None) != (solid is None):
+        return "solids ratio" if liquid is None else "liquid ratio"
+    by_volume, by_weight = words & vocabulary.BY_VOLUME, words & vocabulary.BY_WEIGHT
+    if bool(by_volume) == bool(by_weight):
+        return None
+    of = "volume" if by_volume else "weight"
+    if words & vocabulary.PERCENT:
+        return f"{of} percent"
+    return f"{of} fraction" if words & vocabulary.FRACTION else None
+
+
+def names_a_concentration(text: str) -> bool:
+    """True if a header is that of concentrations, of whichever kind."""
+    return kind_of(text) is not None or bool(
+        set(_TOKENS.findall(plain(text))) & vocabulary.CONCENTRATION
+    )
+
+
+def said(kind: str, value: float) -> str:
+    """A concentration in words."""
+    return KINDS[kind].said.format(value)
+
+
+def volume_fraction(kind: str, value: float, recipe: Recipe) -> float:
+    """Volume fraction of the uncoated particles at a concentration; 1.
+
+    Args:
+      kind: one of `KINDS`.
+      value: above zero.
+      recipe: the densities, and how much coating there is for a particle.
+
+    Raises:
+      InputError: a concentration that no suspension of these particles has.
+    """
+    of = KINDS[kind]
+    number = of.factor / value if of.inverse else of.factor * value
+    stated = _by_weight(number, recipe) if of.way == "particle" else {of.way: number}
+    possible = of.way not in ("particle", "volume_fraction") or number < 1.0
+    possible = possible and min(stated.values()) >= 0.0
+    fraction = 1.0
+    if possible:
+        fraction = Composition.model_construct(None, **stated).fraction(recipe.phases)
+    if fraction * recipe.radius_factor**3 > RANDOM_CLOSE_PACKING:
+        which = f", a volume fraction of {fraction:.3g}," if possible else ""
+        raise InputError(
+            f"{said(kind, value)}{which} is denser than particles can be dispersed, "
+            f"{RANDOM_CLOSE_PACKING} by volume; mend it, or state concentration if it is not the "
+            f"{kind}"
+        )
+    return fraction
+
+
+def _by_weight(particle: float, recipe: Recipe) -> dict[str, float]:
+    """Weight fractions of so many particles, their coating and fluid; below 0: none is left."""
+    composition, of = recipe.composition, recipe.phases
+    coating = of.layer * (of.coating or 0.0) / of.particle
+    if composition.particle is not None:
+        coating = composition.coating / composition.particle
+    return {
+        "particle": particle,
+        "fluid": 1.0 - particle * (1.0 + coating),
+        "coating": particle * coating,
+    }
+
+
+def _checked(word: str, field: ValidationInfo) -> str:
+    kind = next((name for name in KINDS if plain(name) == plain(word)), None) or kind_of(word)
+    if kind is None:
+        raise ValueError(f"{field.field_name} = {shown(word)}: must be one of {', '.join(KINDS)}")
+    return kind
+
+
+OF_CONCENTRATION = AfterValidator(_checked)
+"""A validator for a field that names a kind of concentration; gives its one name."""

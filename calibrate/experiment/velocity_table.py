@@ -1,0 +1,86 @@
+"""The velocities of a sample at many concentrations, as measurements."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from calibrate.experiment.readings import concentrations, velocities
+from calibrate.experiment.readings.sheet import VelocitiesSheet
+from calibrate.experiment.readings.velocities import Velocity
+from calibrate.experiment.readings.velocity_understood import VelocitiesUnderstood
+from calibrate.experiment.sample import Concentration, Measurement, Scatter
+from mrjax import InputError, Recipe
+
+BEFORE_THE_FIT = 0.1
+"""Relative scatter with which a fit begins that estimates it, and ends where nothing tells it."""
+LEAST_SCATTER = 1e-3
+"""Relative scatter below which no velocity was ever read."""
+FEWEST_REPEATS = 3
+"""Degrees of freedom of repeats from which on they give the scatter, and not the fit."""
+
+
+class VelocityTable(NamedTuple):
+    """A table of velocities as measurements."""
+
+    measurements: list[Measurement]
+    fractions: tuple[float, ...]
+    """Volume fractions of the uncoated particles, increasing, (K,)."""
+    scatter: Scatter | None
+    """None where errors are stated."""
+    understood: VelocitiesUnderstood
+
+
+def read(sheet: VelocitiesSheet, folder: Path, recipe: Recipe) -> VelocityTable:
+    """The table of a sample.
+
+    Args:
+      sheet: the file, and what is stated of it.
+      folder: that of the experiment file.
+      recipe: densities that give volume fractions, and the closure that gives f_w at each.
+
+    Raises:
+      InputError: a file that cannot be used, or a recipe whose f_w is one number.
+    """
+    if recipe.closure is None:
+        raise InputError(
+            f"the recipe {recipe.name} has f_w = {recipe.f_w:g} at every concentration; name a "
+            'closure in [drag], such as f_w = "richardson-zaki"'
+        )
+
+    def fraction(kind: str, value: float) -> float:
+        return concentrations.volume_fraction(kind, value, recipe)
+
+    found = velocities.read(sheet, folder, fraction)
+    fractions = tuple(sorted({one.volume_fraction for one in found.readings}))
+    place_of = {one: place for place, one in enumerate(fractions)}
+    scatter = _scatter(found.readings) if found.understood.errors == "estimated" else None
+    measurements = [
+        Measurement(
+            "initial_velocity",
+            one.value,
+            scatter.value * one.value if scatter else one.error,
+            found.unit.name,
+            found.unit.si,
+            row=one.row,
+            concentration=Concentration(
+                one.concentration, found.kind, one.volume_fraction, place_of[one.volume_fraction]
+            ),
+        )
+        for one in found.readings
+    ]
+    return VelocityTable(measurements, fractions, scatter, found.understood)
+
+
+def _scatter(readings: list[Velocity]) -> Scatter:
+    """Relative scatter of repeats at one concentration; where these are few, one to begin with."""
+    fractions, place, count = np.unique(
+        [one.volume_fraction for one in readings], return_inverse=True, return_counts=True
+    )
+    value = np.array([one.value for one in readings])
+    mean = np.bincount(place, value) / count
+    freedom = len(readings) - len(fractions)
+    if freedom < FEWEST_REPEATS:
+        return Scatter(BEFORE_THE_FIT, 0.0, "assumed")
+    square = float(np.sum((value / mean[place] - 1.0) ** 2)) / freedom
+    return Scatter(max(square**0.5, LEAST_SCATTER), float(freedom), "repeats")

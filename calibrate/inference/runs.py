@@ -1,0 +1,80 @@
+"""The runs test (Wald & Wolfowitz 1940): whether residuals have the shape of noise.
+
+Readings without a stated error have no p-value of chi-squared: their scatter comes from the
+residuals that it would test. A model that misses the shape of the data shows all the same, by long
+runs of residuals of one sign, in the order of time or of concentration.
+"""
+
+from math import comb
+from typing import NamedTuple
+
+import numpy as np
+
+from calibrate.experiment.sample import Sample
+from calibrate.least_squares.fit import Fit
+from calibrate.problem.problem import Problem
+
+TOO_FEW_BELOW = 0.01
+"""Probability below which as few runs are no chance."""
+
+
+class RunsTest(NamedTuple):
+    """Runs of residuals of one sign, of the readings of one file."""
+
+    sample: str
+    observable: str
+    readings: int
+    runs: int
+    p_value: float
+    """How often noise has as few runs."""
+
+
+def runs_tests(problem: Problem, fit: Fit) -> list[RunsTest]:
+    """The test of each file whose readings have no stated error."""
+    found, first = [], 0
+    for sample in problem.experiment.samples:
+        residuals = fit.residuals[first : first + len(sample.measurements)]
+        first += len(sample.measurements)
+        for observable, places in _files_without_errors(sample):
+            signs = np.sign(residuals[places])
+            signs = signs[signs != 0.0]
+            runs = int(np.count_nonzero(np.diff(signs))) + bool(signs.size)
+            chance = as_few_runs(int(np.sum(signs > 0)), int(np.sum(signs < 0)), runs)
+            found.append(RunsTest(sample.name, observable, len(places), runs, chance))
+    return found
+
+
+def _files_without_errors(sample: Sample) -> list[tuple[str, list[int]]]:
+    """Observable and places of the readings of each file, by time or by concentration."""
+    files = []
+    every = list(enumerate(sample.measurements))
+    if sample.curve is not None and sample.curve.errors == "estimated":
+        of_curve = [(one.place, place) for place, one in every if one.place is not None]
+        files.append((sample.curve.observable, [place for _, place in sorted(of_curve)]))
+    if sample.scatter is not None:
+        of_table = [
+            (one.concentration.place, place)
+            for place, one in every
+            if one.concentration is not None
+        ]
+        files.append(("initial_velocity", [place for _, place in sorted(of_table)]))
+    return files
+
+
+def as_few_runs(positive: int, negative: int, runs: int) -> float:
+    """Probability of so many runs or fewer, of signs in any order; exact.
+
+    Of m positive and n negative signs 2 k runs have 2 C(m-1, k-1) C(n-1, k-1) orders, and 2 k + 1
+    have C(m-1, k) C(n-1, k-1) + C(m-1, k-1) C(n-1, k), out of C(m+n, m).
+    """
+    m, n = positive, negative
+    if not m or not n:
+        return 1.0
+    orders = 0
+    for number in range(2, runs + 1):
+        k, odd = divmod(number, 2)
+        if odd:
+            orders += comb(m - 1, k) * comb(n - 1, k - 1) + comb(m - 1, k - 1) * comb(n - 1, k)
+        else:
+            orders += 2 * comb(m - 1, k - 1) * comb(n - 1, k - 1)
+    return orders / comb(m + n, m)

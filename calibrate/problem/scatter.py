@@ -1,0 +1,116 @@
+"""The relative scatter of velocities without a stated error, estimated with the fit.
+
+The standard deviation of a velocity is its scatter s times its predicted value p, where the fit
+ended before. The residuals r = (m - p) / p then give s^2 = sum r^2 / nu. Of nu degrees of freedom
+each reading has one less its leverage, the share of a fitted value that is taken from it; so that
+other measurements and priors count. The fit is repeated with the new errors until they stay.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from calibrate.experiment.experiment import Experiment
+from calibrate.experiment.readings.scatter import MEDIAN_OF_NORMAL
+from calibrate.experiment.sample import Sample, Scatter
+from calibrate.experiment.velocity_table import BEFORE_THE_FIT, LEAST_SCATTER
+from calibrate.least_squares.fit import Fit
+from calibrate.least_squares.leverage import leverages
+from calibrate.problem.problem import Problem
+
+FEWEST_FREE = 1.0
+"""Degrees of freedom below which residuals tell no scatter."""
+MOST_ROUNDS = 20
+"""Fits with errors that follow from the one before."""
+SETTLED = 1e-3
+"""Relative change of every error at which they stay."""
+
+
+def fit_with_scatter(
+    problem: Problem, fit_errors: Callable[[Problem, int], Fit]
+) -> tuple[Problem, Fit]:
+    """The fit, and the problem with the errors of which it is; not converged where they go on.
+
+    Args:
+      problem: its velocities have a scatter to begin with.
+      fit_errors: fits a problem like it with its errors; the number of fits before.
+    """
+    runs = 0
+    for number in range(MOST_ROUNDS):
+        fit = fit_errors(problem, number)
+        runs += fit.model_runs
+        estimated = replace(problem, experiment=_estimated(problem, fit))
+        if not fit.converged or _settled(problem, estimated):
+            return _told(problem, estimated), replace(fit, model_runs=runs)
+        problem = estimated
+    return problem, replace(fit, converged=False, model_runs=runs)
+
+
+def _settled(before: Problem, after: Problem) -> bool:
+    """True if no error changes any more."""
+    return bool(np.all(np.abs(after.errors / before.errors - 1.0) < SETTLED))
+
+
+def _told(problem: Problem, estimated: Problem) -> Problem:
+    """The problem of the fit, with the degrees of freedom of its scatter, which the end tells."""
+    pairs = zip(problem.experiment.samples, estimated.experiment.samples, strict=True)
+    samples = tuple(replace(one, scatter=other.scatter) for one, other in pairs)
+    return replace(problem, experiment=replace(problem.experiment, samples=samples))
+
+
+def _estimated(problem: Problem, fit: Fit) -> Experiment:
+    """The experiment with the scatter that the residuals of a fit give."""
+    freedom = 1.0 - leverages(fit.jacobian, fit.prior_precision)
+    residuals = _uncapped(fit) * problem.errors
+    predicted = problem.measured + residuals
+    robust = fit.robust is not None
+    first, samples = 0, []
+    for sample in problem.experiment.samples:
+        place = slice(first, first + len(sample.measurements))
+        first = place.stop
+        relative = residuals[place] / predicted[place]
+        samples.append(_with_scatter(sample, relative, predicted[place], freedom[place], robust))
+    return replace(problem.experiment, samples=tuple(samples))
+
+
+def _uncapped(fit: Fit) -> np.ndarray:
+    """Residuals in standard deviations, (M,), of a robust fit as they are and not as they count."""
+    if fit.robust is None:
+        return fit.residuals
+    half = 0.5 * (fit.residuals / fit.robust) ** 2
+    return np.asarray(np.sign(fit.residuals) * fit.robust * np.sqrt((1.0 + half) ** 2 - 1.0))
+
+
+def _with_scatter(
+    sample: Sample, relative: np.ndarray, predicted: np.ndarray, freedom: np.ndarray, robust: bool
+) -> Sample:
+    """A sample with the scatter of its velocities, where it is to be fitted.
+
+    Args:
+      sample: of M measurements.
+      relative: residuals over predictions, (M,).
+      predicted: each in its unit, (M,).
+      freedom: degrees of freedom of each, (M,).
+      robust: whether outliers are to count less: the median is taken and not the mean square.
+    """
+    if not sample.scatter_to_fit:
+        return sample
+    of_table = np.array([one.concentration is not None for one in sample.measurements])
+    free = float(freedom[of_table].sum())
+    scatter = Scatter(BEFORE_THE_FIT, 0.0, "assumed")
+    if free >= FEWEST_FREE - 1e-9:
+        scatter = Scatter(max(_scale(relative[of_table], free, robust), LEAST_SCATTER), free, "fit")
+    measurements = tuple(
+        one._replace(standard_deviation=scatter.value * abs(float(value))) if tabled else one
+        for one, value, tabled in zip(sample.measurements, predicted, of_table, strict=True)
+    )
+    return replace(sample, measurements=measurements, scatter=scatter)
+
+
+def _scale(relative: np.ndarray, freedom: float, robust: bool) -> float:
+    """Standard deviation of residuals, (M,), with so many degrees of freedom."""
+    if not robust:
+        return float(np.sqrt(np.sum(relative**2) / freedom))
+    deviation = np.median(np.abs(relative)) / MEDIAN_OF_NORMAL
+    return float(deviation * np.sqrt(relative.size / freedom))
