@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.stats import t
 
+import calibrate
 import mrjax
 from calibrate import Experiment, Problem
 from calibrate.__main__ import cli
-from calibrate.calibration import Options, calibrate_experiment
 from calibrate.experiment.velocity_table import BEFORE_THE_FIT, LEAST_SCATTER
 from calibrate.problem.solve import fit_experiment
 
@@ -213,7 +213,7 @@ def test_readings_without_scatter_have_the_least_that_is_believed(tmp_path):
 
 def test_where_nothing_is_left_to_tell_it_the_scatter_is_assumed(tmp_path):
     experiment = synthetic(tmp_path, 0.0, fractions=[0.1, 0.3])
-    done = calibrate_experiment(experiment, Options("closed-form"))
+    done = calibrate.run(experiment, model="closed-form")
     said = done.tables()
     assert said["scatter"]["beads"]["source"] == "assumed"
     assert said["scatter"]["beads"]["value"] == BEFORE_THE_FIT
@@ -233,7 +233,7 @@ def test_repeats_give_the_scatter_before_the_fit(tmp_path):
 def test_stated_errors_are_taken_as_they_are(tmp_path):
     experiment = synthetic(tmp_path, 0.05, errors=5.0)
     assert experiment.errors == "stated" and experiment.samples[0].scatter is None
-    said = calibrate_experiment(experiment, Options("closed-form")).tables()
+    said = calibrate.run(experiment, model="closed-form").tables()
     assert said["p_value"] > 1e-3 and said["scatter"] == {} and said["runs"] == []
 
 
@@ -254,7 +254,7 @@ def test_a_wrong_shape_shows_in_runs(tmp_path):
     sheet = (SAMPLE + FREE).replace("median = 5.5", "value = 3.0")
     (tmp_path / "glass.toml").write_text(sheet)
     experiment = Experiment.load(tmp_path / "glass.toml")
-    said = calibrate_experiment(experiment, Options("closed-form")).tables()
+    said = calibrate.run(experiment, model="closed-form").tables()
     assert said["runs"][0]["runs"] <= 3 and said["runs"][0]["p_value"] < 1e-6
 
 
@@ -314,7 +314,7 @@ def test_a_left_out_table_is_predicted_with_its_scatter(tmp_path):
     prior = FREE.replace("median = 1.3", "median = 1.3\nlog_standard_deviation = 0.3")
     prior = prior.replace("median = 5.5", "median = 4.7\nlog_standard_deviation = 0.1")
     experiment = Experiment.load(written(tmp_path, sheet=SAMPLE + other + prior))
-    done = calibrate_experiment(experiment, Options("closed-form", leave_one_out=True))
+    done = calibrate.run(experiment, model="closed-form", leave_one_out=True)
     rows = [one for one in done.tables()["left_out"] if one["sample"] == "beads"]
     assert len(rows) == 12 and rows[0]["concentration"] == 0.05405
     scatter = done.problem.experiment.samples[0].scatter.value
