@@ -154,7 +154,12 @@ class Problem:
         return (self.predict(theta) - measured) / jnp.asarray(self.errors)
 
     def residuals_with(self, theta: dict[str, Array], errors: Array) -> Array:
-        """The residuals with other standard deviations, each in the unit of its value, (M,)."""
+        """(prediction - measurement) / error, (M,), for errors that change with a fit.
+
+        Args:
+          theta: by variable.
+          errors: in place of the standard deviations, each in the unit of its value, (M,).
+        """
         return (self.predict(theta) - jnp.asarray(self.measured)) / errors
 
 

@@ -214,7 +214,7 @@ log_standard_deviation = 0.5
 @pytest.mark.parametrize(
     "old, new, words",
     [
-        ('"mm/day"', '"mm/fortnight"', ["unit = 'mm/week'", "one of m/s"]),
+        ('"mm/day"', '"mm/fortnight"', ["unit = 'mm/fortnight'", "such as m/s"]),
         ("standard_deviation = 0.1", "standard_deviation = 0.0", ["= 0.0", "above zero"]),
         ("value = 8.0", "value = -8.0", ["value = -8.0", "above zero"]),
         ("value = 8.0", "value = nan", ["value = nan", "finite"]),

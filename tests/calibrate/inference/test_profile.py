@@ -61,3 +61,19 @@ def test_what_leads_beyond_all_numbers_ends_a_profile():
     beyond = np.log(held.values) >= 2.0
     assert beyond.any() and np.isinf(held.increase[beyond]).all()
     np.testing.assert_allclose(held.increase[~beyond], np.log(held.values[~beyond]) ** 2, atol=1e-9)
+
+
+def test_estimated_errors_make_intervals_wider():
+    """Squares of Student's t of a table: 1.067 and 2.262 for 9 degrees of freedom."""
+    assert profile.levels() == profile.LEVELS
+    found = profile.levels(9.0)
+    assert found["95 %"] == pytest.approx(2.262**2, rel=1e-3)
+    assert found["68 %"] == pytest.approx(1.059**2, rel=1e-3)
+    (held,) = profiles(calibrate.fit(line, {"a": 2.0}), degrees_of_freedom=2.0)
+    # Beyond four standard errors, which a profile with stated errors does not reach.
+    assert np.log(held.intervals["95 %"][1]) == pytest.approx(4.303, rel=1e-3)
+
+
+def line(theta):
+    """ln a is 0 +- 1."""
+    return jnp.log(theta["a"])[None]
