@@ -12,6 +12,7 @@ import numpy as np
 from calibrate import report
 from calibrate.experiment.experiment import Experiment
 from calibrate.inference import forecast
+from calibrate.inference.at_a_distance import unchanged_at_a_distance
 from calibrate.inference.forecast import Forecast
 from calibrate.inference.identify import Identification, identify
 from calibrate.inference.posterior import Posterior, refuse_without_sampler
@@ -95,6 +96,8 @@ class Calibration:
     """What the fit predicts, each in the unit of its measurement, (M,)."""
     profiles: tuple[Profile, ...] = ()
     """None where the fit did not converge."""
+    unchanged: tuple[str, ...] = ()
+    """Null directions along which predictions do not change at a distance, either."""
     posterior: Posterior | None = None
     left_out: tuple[Forecast, ...] | None = None
     """Each sample from the others."""
@@ -114,6 +117,7 @@ class Calibration:
             self.predictions,
             self.profiles,
             self.posterior,
+            self.unchanged,
         )
         for name, forecasts in (("left_out", self.left_out), ("new", self.new)):
             if forecasts is not None:
@@ -231,7 +235,11 @@ def run(
     predictions = np.asarray(problem.predict(fit.theta))
     free = problem.experiment.scatter_freedom
     held = profiles(fit, progress, free) if fit.converged else ()
-    found = Calibration(experiment, options, problem, fit, identify(fit), predictions, held)
+    identified = identify(fit)
+    unchanged = unchanged_at_a_distance(fit, identified) if fit.converged else ()
+    found = Calibration(
+        experiment, options, problem, fit, identified, predictions, held, unchanged=unchanged
+    )
     found = _with_what_is_asked(found, folders, progress)
     return replace(found, wall_seconds=time.perf_counter() - began)
 

@@ -77,13 +77,13 @@ class Experiment:
                 for name in parameter.samples or names
             ),
         )
-        suspensions = (experiment.suspension_of(sample, experiment.start) for sample in samples)
+        suspensions = (experiment.suspension_of(sample, experiment.medians) for sample in samples)
         oddities = plausibility.oddities(samples, suspensions)
         return replace(experiment, warnings=(*warnings, *oddities))
 
     @property
     def start(self) -> OrderedDict[str, float]:
-        """The medians, by variable."""
+        """Where the search begins, by variable: the medians, unless told otherwise."""
         return OrderedDict((one.variable, one.start) for one in self.parameters)
 
     @property
@@ -108,6 +108,11 @@ class Experiment:
         """Least degrees of freedom of an estimated scatter of velocities; infinite without one."""
         scatters = [one.scatter for one in self.samples if one.scatter is not None]
         return min((one.degrees_of_freedom or math.inf for one in scatters), default=math.inf)
+
+    @property
+    def medians(self) -> OrderedDict[str, float]:
+        """The middle of what is believed, by variable."""
+        return OrderedDict((one.variable, one.middle) for one in self.parameters)
 
     def varied(self, sample: Sample) -> tuple[str, ...]:
         """Names of what is fitted of a sample."""

@@ -26,6 +26,9 @@ class ParameterSheet(Sheet):
     )
     value: float | None = Field(default=None, gt=0, description="what it is held at, above zero")
     median: float | None = Field(default=None, gt=0, description="the prior's median, above zero")
+    start: float | None = Field(
+        default=None, gt=0, description="where the search begins, above zero, or leave out"
+    )
     log_standard_deviation: float | None = Field(
         default=None, gt=0, description="the standard deviation of its logarithm, above zero"
     )
@@ -45,11 +48,13 @@ class ParameterSheet(Sheet):
         at = f"parameter {shown(self.name)}"
         if (self.value is None) == (self.median is None):
             raise ValueError(
-                f"{at}: give either median, where the search begins, or value, to hold it"
+                f"{at}: give either median, the middle of what is believed, or value, to hold it"
             )
-        prior = (self.bounds, self.log_standard_deviation, self.standard_deviation)
-        if self.value is not None and any(one is not None for one in prior):
-            raise ValueError(f"{at}: value = {self.value:g} holds it; leave out prior and bounds")
+        fitted = (self.bounds, self.log_standard_deviation, self.standard_deviation, self.start)
+        if self.value is not None and any(one is not None for one in fitted):
+            raise ValueError(
+                f"{at}: value = {self.value:g} holds it; leave out prior, bounds and start"
+            )
         if self.bounds is None or self.median is None:
             if self.standard_deviation is not None:
                 raise ValueError(
@@ -67,11 +72,17 @@ class ParameterSheet(Sheet):
                 f"{at}: bounds = {shown(self.bounds)}: must be [lower, upper] on either side of "
                 f"the median, {self.median:g}"
             )
+        if self.start is not None and not self.bounds[0] < self.start < self.bounds[1]:
+            raise ValueError(
+                f"{at}: start = {self.start:g}: must be between its bounds, {self.bounds[0]:g} and "
+                f"{self.bounds[1]:g}"
+            )
         return self
 
     @model_validator(mode="after")
     def _a_fraction(self) -> Self:
-        ends = [one for one in (self.value, self.median, *(self.bounds or ())) if one is not None]
+        given = (self.value, self.median, self.start, *(self.bounds or ()))
+        ends = [one for one in given if one is not None]
         if self.name == BED and not all(0 <= one <= 1 for one in ends):
             raise ValueError(
                 f"parameter {shown(self.name)}: {max(ends, key=abs):g} is no volume fraction; give "
@@ -82,7 +93,10 @@ class ParameterSheet(Sheet):
 
 @dataclass(frozen=True)
 class FreeParameter:
-    """A fitted quantity: what the fit calls it, what it sets, where, its range and its prior."""
+    """A fitted quantity: what the fit calls it, what it sets, where, its range and its prior.
+
+    The prior says what is believed, `begin` where the search begins: two things.
+    """
 
     label: str
     name: str
@@ -91,6 +105,8 @@ class FreeParameter:
     log_standard_deviation: float | None
     """Width of the prior of x, in logarithms, about its value at the median; None without one."""
     bounds: tuple[float, float] | None = None
+    begin: float | None = None
+    """Where the search begins; None for the median."""
 
     @property
     def variable(self) -> str:
@@ -99,18 +115,26 @@ class FreeParameter:
 
     @property
     def start(self) -> float:
+        """The x where the search begins."""
+        return self._x(self.median if self.begin is None else self.begin)
+
+    @property
+    def middle(self) -> float:
         """The x of the median."""
+        return self._x(self.median)
+
+    def _x(self, value: float) -> float:
         if not self.bounds:
-            return self.median
+            return value
         lower, upper = self.bounds
-        return (self.median - lower) / (upper - self.median)
+        return (value - lower) / (upper - value)
 
     @property
     def prior(self) -> LogNormal | None:
         """The prior of x; None without one."""
         if self.log_standard_deviation is None:
             return None
-        return LogNormal(self.start, self.log_standard_deviation)
+        return LogNormal(self.middle, self.log_standard_deviation)
 
     def value(self, x: ArrayLike) -> Array:
         """The quantity for an x."""
@@ -147,13 +171,11 @@ def free_parameters(
             # d ln x = d value (b - a) / ((value - a) (b - value))
             left, right = median - lower, upper - median
             spread = sheet.standard_deviation * (upper - lower) / (left * right)
+    rest = median, spread, bounds, sheet.start
     if not sheet.per_sample:
         label = sheet.name if once else f"{sheet.name}[{', '.join(samples)}]"
-        return [FreeParameter(label, sheet.name, samples, median, spread, bounds)]
-    return [
-        FreeParameter(f"{sheet.name}[{one}]", sheet.name, (one,), median, spread, bounds)
-        for one in samples
-    ]
+        return [FreeParameter(label, sheet.name, samples, *rest)]
+    return [FreeParameter(f"{sheet.name}[{one}]", sheet.name, (one,), *rest) for one in samples]
 
 
 Fitted, fitted = FreeParameter, free_parameters

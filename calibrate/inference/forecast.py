@@ -226,7 +226,7 @@ def _belief(experiment: Experiment, fit: Fit) -> tuple[np.ndarray, np.ndarray, n
     """
     parameters = experiment.parameters
     strength = np.zeros((len(parameters), len(parameters)))
-    logs = np.log([parameter.start for parameter in parameters])
+    logs = np.log([parameter.middle for parameter in parameters])
     place = {parameter.variable: index for index, parameter in enumerate(parameters)}
     known = np.array([place[name] for name in fit.names], int)
     strength[np.ix_(known, known)] = information(fit)

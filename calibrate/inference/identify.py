@@ -6,7 +6,7 @@ determined where that is small by itself, or beside what a prior says of it. Mov
 space of J changes no prediction, and only the priors say where on it to be.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -60,6 +60,8 @@ class Identification:
     """
     weak_combinations: tuple[str, ...] = ()
     """Products of powers of which the data say something, and too little to determine them."""
+    null_exponents: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    """Exponents of the null directions, (K, P)."""
 
 
 def identify(fit: Fit) -> Identification:
@@ -99,12 +101,12 @@ def identify(fit: Fit) -> Identification:
         name: _status(by_data[name], precision)
         for name, precision in zip(fit.names, fit.prior_precision, strict=True)
     }
+    unseen_directions = simplest_basis(rows[unseen & ~seen])
     return Identification(
         singular_values=singular,
         combinations=tuple(combination(row) for row in simplest_basis(rows[seen])),
-        null_directions=tuple(
-            expression(fit.names, row) for row in simplest_basis(rows[unseen & ~seen])
-        ),
+        null_directions=tuple(expression(fit.names, row) for row in unseen_directions),
+        null_exponents=unseen_directions,
         determined={name: word == "determined" for name, word in status.items()},
         standard_errors=standard_errors(fit),
         data_standard_errors=by_data,

@@ -11,6 +11,14 @@ CONVERGED_BELOW = 1e-4
 """Expected gain in chi-squared of one more Gauss-Newton step at which a fit counts as converged:
 0.01 standard deviations. A smooth model ends far below it, one with kinks may not."""
 
+SETTLED_BELOW = 0.1
+"""The same, at which it is an optimum that is told beside a better one: 0.3 standard deviations."""
+
+
+def is_settled(end: Point, box: Bounds) -> bool:
+    """True if another Gauss-Newton step promises nothing that could matter."""
+    return abs(levenberg.step(end, box)[1]) < SETTLED_BELOW
+
 
 def is_converged(end: Point, box: Bounds) -> bool:
     """True if another Gauss-Newton step promises nothing measurable."""
@@ -22,12 +30,12 @@ def finish(evaluator: Evaluator, logs: np.ndarray, most_steps: int) -> tuple[Poi
     first = evaluator.at(logs)
     best = first.loss
 
-    def at(logs: np.ndarray) -> Point:
+    def at(places: list[np.ndarray]) -> list[Point]:
         nonlocal best
-        point = evaluator.at(logs)
-        best = min(best, point.loss)
+        points = [evaluator.at(logs) for logs in places]
+        best = min([best, *(point.loss for point in points)])
         evaluator.tell("finish", best)
-        return point
+        return points
 
-    end, runs = levenberg.minimise(at, first, evaluator.box, most_steps)
+    (end,), runs = levenberg.minimise(at, [first], evaluator.box, most_steps)
     return end, runs + 1

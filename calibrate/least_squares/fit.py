@@ -8,7 +8,7 @@ a few numbers and left to numpy: one compiled program, Jacobian and residuals, s
 and between two calls of it Python answers Ctrl-C.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -22,17 +22,19 @@ from jax.typing import ArrayLike
 
 from calibrate.least_squares.bounds import Bounds
 from calibrate.least_squares.evaluator import Evaluator, progress_bar
-from calibrate.least_squares.finish import finish, is_converged
+from calibrate.least_squares.finish import SETTLED_BELOW, finish, is_converged, is_settled
 from calibrate.least_squares.interruptible import stoppable
 from calibrate.least_squares.kinks import without_slopes
 from calibrate.least_squares.levenberg import Point
+from calibrate.least_squares.optima import Optimum, distinct, optimum
 from calibrate.least_squares.priors import LogNormal
 from calibrate.least_squares.programs import (
-    Given,
     Programs,
-    compiled,
     count_residuals,
+    one_by_one,
     over_starts,
+    prepared,
+    recalled,
     remembered,
 )
 from calibrate.least_squares.search import search
@@ -40,8 +42,8 @@ from calibrate.least_squares.unknowns import Unknowns, unknowns
 from mrjax.core.promotion import relaxed_promotion
 from mrjax.io.checkpoint import Checkpoint, refuse_foreign
 
-OTHER_OPTIMUM = 0.5
-"""How much greater the loss of another optimum is, at least: chi-squared by one."""
+RECALLED = 4
+"""Results of the model that are kept for each start."""
 
 
 @dataclass(frozen=True)
@@ -77,8 +79,10 @@ class Fit:
     """Data and priors, as both take them."""
     robust: float | None = None
     """Standard deviations beyond which residuals count linearly; those here are as they count."""
-    other_optima: tuple[tuple[float, np.ndarray], ...] = ()
-    """Other optima at which further starts ended: half the sum of squares and the values, (P,)."""
+    optima: tuple[Optimum, ...] = ()
+    """All optima that were found, this fit first."""
+    places: int = 1
+    """Places from which an optimum was looked for."""
     box: Bounds = Bounds(np.array(-np.inf), np.array(np.inf))
     """Bounds of the logarithms, (P,)."""
 
@@ -86,6 +90,11 @@ class Fit:
     def chi_squared(self) -> float:
         """Sum of squares of the residuals of the measurements, without the priors."""
         return float(self.residuals @ self.residuals)
+
+    @property
+    def other_optima(self) -> tuple[tuple[float, np.ndarray], ...]:
+        """Half the sum of squares and the values, (P,), of all optima but this."""
+        return tuple((one.loss, one.values) for one in self.optima[1:])
 
 
 def fit(
@@ -97,6 +106,7 @@ def fit(
     bounds: dict[str, tuple[float, float]] | None = None,
     optimizer: optax.GradientTransformation | None = None,
     starts: int = 1,
+    also: Sequence[Any] = (),
     seed: int = 0,
     robust: float | None = None,
     search_steps: int = 60,
@@ -117,8 +127,9 @@ def fit(
       priors: by name, where there are any.
       bounds: least and greatest value by name, where there are any: 0 and infinity are none.
       optimizer: of the search, over the logarithms; left out, `optax.adam(0.3)`.
-      starts: searches side by side, the first from `start`, the others drawn about it from the
-        priors; the best is kept.
+      starts: searches side by side, the first from `start`, the others drawn from the priors, or
+        about it without one; the best is kept, and all optima are told.
+      also: pytrees like `start`, from which searches begin, too, one after another.
       seed: of those others.
       robust: residuals beyond this many standard deviations count linearly, not squared
         (pseudo-Huber); left out, all are squared.
@@ -149,20 +160,17 @@ def fit(
     refuse_foreign(checkpoint)
     optimizer = optax.with_extra_args_support(optimizer or optax.adam(0.3))
     unknown = unknowns(start, priors or {}, bounds or {})
-    places = np.array(unknown.with_prior, int)
-    given = Given(data, np.log(unknown.median[places]), np.sqrt(unknown.precision[places]))
-    programs = compiled(
-        residuals, unknown.structure, unknown.shapes, unknown.with_prior, robust, data is None
-    )
-    each = unknown.starts(starts, seed)
+    programs, given = prepared(residuals, unknown, data, robust)
+    further = [unknowns(one, {}, bounds or {}).starts(1, seed) for one in also]
+    each = np.vstack([unknown.starts(starts, seed), *further])
     with stoppable(), relaxed_promotion(), progress_bar(progress) as bar:
-        count = count_residuals(programs, each[0], given) - len(places)
+        count = count_residuals(programs, each[0], given) - len(unknown.with_prior)
         keeping = _keeping(
             checkpoint,
             start=dict(zip(unknown.names, unknown.values, strict=True)),
             priors=priors,
             bounds=bounds,
-            starts=starts,
+            starts=each,
             seed=seed,
             robust=robust,
             search_steps=search_steps,
@@ -174,19 +182,20 @@ def fit(
         asked = Programs(
             programs.traceable,
             keeping("residuals", programs.everything),
-            keeping("jacobian", programs.linearised),
+            recalled(keeping("jacobian", programs.linearised), RECALLED * len(each)),
         )
         # By name, the data would be another call to JAX, and compiled again.
-        linear = over_starts(lambda logs: asked.linearised(logs, given), 1)
+        linear = one_by_one(lambda logs: asked.linearised(logs, given))
         if starts > 1:
-            many = over_starts(lambda logs: programs.linearised(logs, given), starts)
+            many = over_starts(lambda logs: programs.linearised(logs, given), len(each))
             linear = keeping("jacobians", many)
         evaluator = Evaluator(asked, given, unknown.box, bar)
-        each, losses, runs = search(programs, evaluator, each, linear, optimizer, search_steps)
-        end = _end(evaluator, each, finish_steps)
+        valleys, losses, runs = search(programs, evaluator, each, linear, optimizer, search_steps)
+        end = _end(evaluator, valleys, each[0], finish_steps)
     return Fit(
         **_at_the_end(end, unknown, count, losses),
         model_runs=runs + end.model_runs,
+        places=len(each),
         robust=robust,
         everything=programs.traceable,
         linearised=asked.linearised,
@@ -199,27 +208,29 @@ class _End(NamedTuple):
 
     best: Point
     others: list[Point]
+    """Different optima."""
     converged: bool
     on_a_kink: bool
     model_runs: int
 
-    def other_optima(self) -> tuple[tuple[float, np.ndarray], ...]:
-        """Losses and values, (P,), of the starts that ended otherwise."""
-        return tuple(
-            (other.loss, np.exp(other.logs))
-            for other in self.others
-            if np.isfinite(other.loss) and other.loss - self.best.loss > OTHER_OPTIMUM
-        )
+    def optima(self, count: int) -> tuple[Optimum, ...]:
+        """All of them; the first `count` residuals are of measurements."""
+        return tuple(optimum(end, count) for end in (self.best, *self.others))
 
 
-def _end(evaluator: Evaluator, each: np.ndarray, most_steps: int) -> _End:
+def _end(evaluator: Evaluator, each: np.ndarray, start: np.ndarray, most_steps: int) -> _End:
     """The best end of the searches, (S, P), without slopes where it is not converged with them."""
-    ends, runs = [], 0
-    for logs in each:
-        end, finish_runs = finish(evaluator, logs, most_steps)
-        runs += finish_runs
+    ends: list[Point] = []
+    begun, runs = sorted(map(evaluator.at, each), key=lambda end: end.loss), 0
+    for end in begun:
+        # What has settled and is worse stays so.
+        settled = bool(ends) and is_settled(end, evaluator.box)
+        if not settled or end.loss - 0.5 * SETTLED_BELOW < ends[0].loss:
+            end, more_runs = finish(evaluator, end.logs, most_steps)
+            runs += more_runs - 1
+        runs += 1
         ends.append(end)
-    best, *others = sorted(ends, key=lambda end: end.loss)
+    best, *others = distinct(ends, start, evaluator.box, evaluator.at)
     converged, on_a_kink = is_converged(best, evaluator.box), False
     if not converged and best.finite:
         best, on_a_kink, more_runs = without_slopes(evaluator, best)
@@ -245,7 +256,7 @@ def _at_the_end(end: _End, unknown: Unknowns, count: int, losses: list[float]) -
         "loss": np.array([*losses, loss]),
         "converged": end.converged and bool(np.isfinite(values).all()) and informed,
         "on_a_kink": end.on_a_kink,
-        "other_optima": end.other_optima(),
+        "optima": end.optima(count),
         "box": unknown.box,
     }
 

@@ -6,7 +6,7 @@ a direction along which J does not change is one of which the data say nothing, 
 it is along it. MINPACK takes any of them, and runs along what nothing bounds.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from typing import NamedTuple
 
 import numpy as np
@@ -95,37 +95,61 @@ def resolved(jacobian: ArrayLike) -> float:
     return max(1e-10, 10.0 * float(np.finfo(np.asarray(jacobian).dtype).eps))
 
 
-def minimise(
-    at: Callable[[np.ndarray], Point], first: Point, box: Bounds, most_steps: int
-) -> tuple[Point, int]:
-    """The least sum of squares near a first point, and the number of points evaluated.
+def descent(first: Point, box: Bounds, most_steps: int) -> Generator[np.ndarray, Point, Point]:
+    """Yields where it asks, (P,), is sent the point there, and returns the least near the first.
 
     Args:
-      at: residuals and slopes at a place.
       first: where to begin, within the bounds.
       box: the bounds.
       most_steps: points to ask for at most.
     """
     here, radius = first, LONGEST
-    for number in range(most_steps):
+    for _ in range(most_steps):
         if not here.finite:
-            return here, number
+            break
         change, promised = step(here, box, radius)
-        if not change.any():
-            return here, number
         length = float(np.linalg.norm(change))
-        if abs(promised) < DONE and length > SHORT:
-            return here, number
-        there = at(here.logs + change)
+        if not change.any() or (abs(promised) < DONE and length > SHORT):
+            break
+        there = yield here.logs + change
         share = 0.0  # of the promise that is kept
         if there.finite and promised > 0.0:
             share = 2.0 * (here.loss - there.loss) / promised
         if share > ACCEPTED:
             here = there
         if abs(promised) < DONE:
-            return here, number + 1
+            break
         if share < POOR:
             radius = 0.25 * length
         elif share > GOOD:
             radius = max(radius, 2.0 * length)
-    return here, most_steps
+    return here
+
+
+def minimise(
+    at: Callable[[list[np.ndarray]], list[Point]],
+    first: list[Point],
+    box: Bounds,
+    most_steps: int,
+) -> tuple[list[Point], int]:
+    """The least sums of squares near first points, side by side, and the points evaluated.
+
+    Args:
+      at: residuals and slopes at some places.
+      first, box, most_steps: as for `descent`, of each.
+    """
+    paths = [descent(one, box, most_steps) for one in first]
+    ends, evaluated = list(first), 0
+    replies: dict[int, Point | None] = dict.fromkeys(range(len(paths)))
+    while replies:
+        asked = {}
+        for place, reply in replies.items():
+            path = paths[place]
+            try:
+                asked[place] = next(path) if reply is None else path.send(reply)
+            except StopIteration as end:
+                ends[place] = end.value
+        points = at(list(asked.values())) if asked else []
+        replies = dict(zip(asked, points, strict=True))
+        evaluated += len(points)
+    return ends, evaluated

@@ -1,5 +1,6 @@
 """The compiled programs of a fit: residuals with priors, and their Jacobian."""
 
+from collections import OrderedDict
 from collections.abc import Callable
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
@@ -11,7 +12,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from calibrate.least_squares.interruptible import watched
-from calibrate.least_squares.unknowns import tree
+from calibrate.least_squares.unknowns import Unknowns, tree
 from mrjax import InputError
 from mrjax.io.checkpoint import Checkpoint, digest
 
@@ -76,6 +77,23 @@ def compiled(
     return Programs(everything, watched(everything), linearised)
 
 
+def prepared(
+    residuals: Callable[..., Array], unknown: Unknowns, data: Any, robust: float | None
+) -> tuple[Programs, Given]:
+    """The programs of a fit, and what they are given beside the logarithms.
+
+    Args:
+      residuals, data, robust: as for `fit`.
+      unknown: what is fitted.
+    """
+    held = unknown.with_prior
+    places = np.array(held, int)
+    given = Given(data, np.log(unknown.median[places]), np.sqrt(unknown.precision[places]))
+    without_data = data is None
+    programs = compiled(residuals, unknown.structure, unknown.shapes, held, robust, without_data)
+    return programs, given
+
+
 def pseudo_huber(residuals: Array, longest: float) -> Array:
     """Residuals whose squares are 2 d^2 (sqrt(1 + (r/d)^2) - 1): r near zero, else sqrt(2 d r)."""
     size = jnp.sqrt(1.0 + (residuals / longest) ** 2)
@@ -107,9 +125,8 @@ def over_starts(function: Callable, starts: int) -> Callable:
     mapped = watched(jax.jit(jax.vmap(function)))
 
     def over_all(*arguments: Any) -> Any:
-        if starts == 1:  # not mapped: a forward model may be slower that way
-            result = function(*jax.tree.map(lambda leaf: leaf[0], arguments))
-            return jax.tree.map(lambda leaf: np.asarray(leaf)[None], result)
+        if starts == 1:
+            return one_by_one(function)(*arguments)
         if starts <= AT_ONCE:
             return jax.tree.map(np.asarray, mapped(*arguments))
         results = []
@@ -121,6 +138,42 @@ def over_starts(function: Callable, starts: int) -> Callable:
         return jax.tree.map(lambda *leaves: np.concatenate(leaves)[:starts], *results)
 
     return over_all
+
+
+def one_by_one(function: Callable) -> Callable:
+    """A compiled function over the same axis, not mapped: a forward model may be slower so."""
+
+    def over_all(*arguments: Any) -> Any:
+        rows = len(jax.tree.leaves(arguments)[0])
+        results = [
+            function(*jax.tree.map(lambda leaf, row=row: leaf[row], arguments))
+            for row in range(rows)
+        ]
+        return jax.tree.map(
+            lambda *leaves: np.stack([np.asarray(leaf) for leaf in leaves]), *results
+        )
+
+    return over_all
+
+
+def recalled(function: Callable[..., Any], most: int) -> Callable[..., Any]:
+    """A compiled function of logarithms that knows its last results: stages ask where others did.
+
+    Args:
+      function: of logarithms, (P,), and of what is given, always the same.
+      most: results that are kept.
+    """
+    results: OrderedDict[bytes, Any] = OrderedDict()
+
+    def recall_or_call(logs: ArrayLike, *given: Given) -> Any:
+        key = np.asarray(logs).tobytes()
+        if key not in results:
+            results[key] = function(logs, *given)
+            if len(results) > most:
+                results.popitem(last=False)
+        return results[key]
+
+    return recall_or_call
 
 
 def remembered(work: Checkpoint, name: str, function: Callable) -> Callable:

@@ -8,12 +8,9 @@ import numpy as np
 from jax import Array
 
 from calibrate.least_squares.bounds import Bounds, log_bounds
+from calibrate.least_squares.draws import SPREAD, draw
 from calibrate.least_squares.priors import LogNormal, prior_arrays
 from mrjax import InputError
-from mrjax.core import randomness
-
-SPREAD = 0.7
-"""Standard deviation of further starts about the first in each logarithm, where no prior says."""
 
 
 class Unknowns(NamedTuple):
@@ -38,13 +35,26 @@ class Unknowns(NamedTuple):
         """Places of those that have a prior."""
         return tuple(int(place) for place in np.flatnonzero(self.precision))
 
+    @property
+    def spread(self) -> np.ndarray:
+        """Standard deviations of the logarithms that are believed possible, (P,)."""
+        held = self.precision > 0.0
+        return np.where(held, 1.0 / np.sqrt(np.where(held, self.precision, 1.0)), SPREAD)
+
     def tree(self, values: Any) -> Any:
         """Values, (P,), in the pytree."""
         return tree(values, self.structure, self.shapes)
 
     def starts(self, number: int, seed: int) -> np.ndarray:
-        """Logarithms where so many searches begin, (S, P), within the bounds."""
-        return self.box.clip(_starts(np.log(self.values), self.precision, number, seed))
+        """Logarithms where so many searches begin, (S, P), within the bounds.
+
+        The first is the start; the others are drawn from the priors, or about it without one.
+        """
+        first = self.box.clip(np.log(self.values))
+        if number == 1:
+            return first[None]
+        middle = np.where(self.precision > 0.0, np.log(self.median), first)
+        return np.vstack([first, draw(middle, self.spread, self.box, number - 1, seed)])
 
 
 def unknowns(
@@ -77,16 +87,6 @@ def tree(values: Array, structure: Any, shapes: tuple[tuple[int, ...], ...]) -> 
         for end, size, shape in zip(np.cumsum(sizes), sizes, shapes, strict=True)
     ]
     return jax.tree.unflatten(structure, leaves)
-
-
-def _starts(first: np.ndarray, precision: np.ndarray, starts: int, seed: int) -> np.ndarray:
-    """Logarithms where the searches begin, (S, P)."""
-    if starts == 1:
-        return first[None]
-    spread = np.where(precision > 0.0, 1.0 / np.sqrt(np.maximum(precision, 1e-300)), SPREAD)
-    with randomness.ordered():
-        drawn = np.asarray(jax.random.normal(randomness.key(seed), (starts - 1, first.size)))
-    return np.concatenate([first[None], first[None] + spread[None] * drawn])
 
 
 def _names(start: Any) -> tuple[str, ...]:

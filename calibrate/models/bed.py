@@ -24,6 +24,14 @@ def needs_a_bed(sample: Sample) -> bool:
     return any(one.observable in of_bed for one in sample.measurements)
 
 
+def can_be(sample: Sample, suspension: Suspension) -> Array:
+    """True if a suspension is thinner than solids, and than the bed that it settles into; ()."""
+    fraction = suspension.volume_fraction
+    if suspension.bed_fraction is None or not needs_a_bed(sample):
+        return fraction < 1.0
+    return fraction < suspension.bed_fraction
+
+
 def fraction_of_bed(suspension: Suspension, bed: float | None) -> Array | None:
     """The fraction that varies, or else the one that was simulated."""
     return suspension.bed_fraction if bed is None else jnp.asarray(bed, float)

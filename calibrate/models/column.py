@@ -47,7 +47,7 @@ def column(
     bed = simulated_fraction(sample, near, seed, varied, checkpoint)
     steps = 0
     if sample.times:
-        _refuse_sizes(sample, near)
+        refuse_several_sizes(sample, near)
         known = replace(near, bed_fraction=fraction_of_bed(near, bed))
         steps = STEPS_TO_SPARE * mrjax.column_steps(**_tube(sample, known, cells))
 
@@ -65,7 +65,7 @@ def column(
     return predict
 
 
-def _refuse_sizes(sample: Sample, near: Suspension) -> None:
+def refuse_several_sizes(sample: Sample, near: Suspension) -> None:
     """Refuses particles of several sizes; names the one size that stands for them.
 
     Stokes' velocity goes as d^2, and each particle counts by its mass, d^3: the diameter whose

@@ -5,6 +5,9 @@ vary, and a folder that keeps a bed as it is simulated; it gives a function of a
 predictions in SI units. What does not depend on what varies is done once.
 """
 
+from functools import partial
+
+from calibrate.models.characteristics import characteristics
 from calibrate.models.closed_form import closed_form
 from calibrate.models.column import column
 from calibrate.models.particles import particles
@@ -17,6 +20,19 @@ FORWARD_MODELS: dict[str, ForwardModelMaker] = {
     "particles": particles,
 }
 """The forward models by the names of the command line."""
+
+FOR_SEARCHES: tuple[tuple[ForwardModelMaker, ForwardModelMaker], ...] = (
+    (closed_form, closed_form),
+    (column, characteristics),
+    (particles, closed_form),
+)
+"""For each, the cheap one that predicts nearly the same: a search asks it thousands of times."""
+
+
+def model_for_searches(make: ForwardModelMaker) -> ForwardModelMaker | None:
+    """The cheap model of another; None of a user's own."""
+    whole = make.func if isinstance(make, partial) else make
+    return next((cheap for one, cheap in FOR_SEARCHES if one is whole), None)
 
 
 def forward_model(model: str | ForwardModelMaker) -> ForwardModelMaker:

@@ -14,6 +14,7 @@ from calibrate.experiment.physical_bounds import bounds
 from calibrate.experiment.sample import Measurement, Sample
 from calibrate.experiment.suspension import Suspension
 from calibrate.least_squares.priors import LogNormal
+from calibrate.models.bed import can_be
 from calibrate.models.closed_form import closed_form
 from calibrate.models.forward_models import forward_model
 from calibrate.models.prediction import (
@@ -59,7 +60,7 @@ class Problem:
           model: the name of a forward model, or one like those beside it, such as
             `partial(predict.column, cells=100)`.
           seed: of the random starts of particles.
-          near: values, by variable, near which it will be asked; left out, the medians.
+          near: values, by variable, near which it will be asked; left out, the starts.
           checkpoint: folder that keeps beds as they are simulated, as for `mrjax.settle`.
 
         Raises:
@@ -106,7 +107,7 @@ class Problem:
 
     @property
     def start(self) -> OrderedDict[str, float]:
-        """The medians, by variable, in the order of the experiment."""
+        """Where the search begins, by variable, in the order of the experiment."""
         return self.experiment.start
 
     @property
@@ -127,10 +128,16 @@ class Problem:
         return [(sample, one) for sample in self.experiment.samples for one in sample.measurements]
 
     def predict(self, theta: dict[str, Array]) -> Array:
-        """Predicted measurements, each in the unit of its measurement, (M,)."""
+        """Predicted measurements, each in the unit of its measurement, (M,).
+
+        Not a number for a sample that cannot be: a fit turns back from there.
+        """
         predicted = []
         for sample, model in zip(self.experiment.samples, self.models, strict=True):
-            predicted += as_measured(sample, model(self.experiment.suspension_of(sample, theta)))
+            suspension = self.experiment.suspension_of(sample, theta)
+            # A factor, not a `where`: derivatives are not a number, either.
+            possible = jnp.where(can_be(sample, suspension), 1.0, jnp.nan)
+            predicted += [possible * one for one in as_measured(sample, model(suspension))]
         return jnp.stack(predicted)
 
     @property

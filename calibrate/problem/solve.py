@@ -4,13 +4,16 @@ What a forward model does once (the length of a run, the steps of a column) it d
 near which it is asked. Where a fit leads far away, that is done anew there.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from calibrate.experiment.experiment import Experiment
 from calibrate.least_squares.fit import Fit, fit
+from calibrate.least_squares.optima import with_others
 from calibrate.models.prediction import ForwardModelMaker
+from calibrate.problem.beginnings import Beginnings, beginnings
 from calibrate.problem.problem import Problem
 from calibrate.problem.scatter import fit_with_scatter
 from mrjax import SimulationError
@@ -33,6 +36,7 @@ def fit_experiment(
 ) -> tuple[Problem, Fit]:
     """The fit, and the problem whose residuals it knows.
 
+    It begins at the optima of a cheap model, where there is one, found from all over the priors.
     Not converged, too, where it still leads far from where the model was prepared last.
 
     Args:
@@ -50,59 +54,83 @@ def fit_experiment(
       SimulationError: the fit that was to begin with did not converge.
     """
     refuse_foreign(checkpoint)
-    near = None
+    common: dict[str, Any] = dict(seed=seed, robust=robust, progress=progress)
     if begin_with is not None:
-        _, first = fit_experiment(
+        first = _cheaper(
             experiment,
             begin_with,
             starts=starts,
-            seed=seed,
-            robust=robust,
-            progress=progress,
             checkpoint=checkpoint and Path(checkpoint) / "begin-with",
+            **common,
         )
-        if not first.converged:
-            raise SimulationError(
-                "the cheaper model did not converge, so that there is nothing to begin with: leave "
-                "it out, or start nearer"
-            )
-        near, starts = first.theta, 1
-    spent = 0
+        starts = 1
+        begun = Beginnings([first.theta], list(first.optima[1:]), first.places)
+    else:
+        begun = beginnings(experiment, model, seed, robust)
+    near, *promising = begun.promising
+    others, places, spent = begun.others, begun.places + starts, 0
     for number in range(MOST_PREPARED):
         folder = checkpoint and Path(checkpoint) / f"prepared-{number}"
         problem = Problem.prepare(experiment, model, seed, near, folder)
         problem, result = _fitted(
-            problem, starts=starts, seed=seed, robust=robust, progress=progress, checkpoint=folder
+            problem,
+            starts=starts,
+            also=[theta for theta in promising if problem.holds_at(theta)],
+            checkpoint=folder,
+            **common,
         )
         spent += result.model_runs
         holds = problem.holds_at(result.theta)
         if holds:
             break
-        near, starts = result.theta, 1
-    return problem, replace(result, converged=result.converged and holds, model_runs=spent)
+        near, starts, promising = result.theta, 1, []
+        others += result.optima[1:]
+    result = replace(result, converged=result.converged and holds, model_runs=spent)
+    return problem, replace(result, optima=with_others(result.optima, others), places=places)
+
+
+def _cheaper(experiment: Experiment, model: str | ForwardModelMaker, **options: Any) -> Fit:
+    """The fit of a cheaper model.
+
+    Raises:
+      SimulationError: it did not converge.
+    """
+    _, first = fit_experiment(experiment, model, **options)
+    if not first.converged:
+        raise SimulationError(
+            "the cheaper model did not converge, so that there is nothing to begin with: leave "
+            "it out, or start nearer"
+        )
+    return first
 
 
 def _fitted(
-    problem: Problem, *, starts: int, checkpoint: str | Path | None, **options: Any
+    problem: Problem,
+    *,
+    starts: int,
+    also: Sequence[Mapping[str, float]],
+    checkpoint: str | Path | None,
+    **options: Any,
 ) -> tuple[Problem, Fit]:
     """The fit of a prepared problem, with the scatter of its velocities where it is to be fitted.
 
     Args:
       problem: where its models are prepared, the search begins.
-      starts, checkpoint, options: as for `fit`.
+      starts, also, checkpoint, options: as for `fit`.
     """
-    common = dict(priors=problem.priors, bounds=problem.bounds, **options)
+    common: dict[str, Any] = dict(priors=problem.priors, bounds=problem.bounds, **options)
     if not any(sample.scatter_to_fit for sample in problem.experiment.samples):
-        found = fit(problem.residuals, problem.near, starts=starts, checkpoint=checkpoint, **common)
-        return problem, found
-    residuals, begin, many = problem.residuals_with, problem.near, starts
+        begin: dict[str, Any] = dict(starts=starts, also=also, checkpoint=checkpoint)
+        return problem, fit(problem.residuals, problem.near, **begin, **common)
+    residuals, near = problem.residuals_with, problem.near
+    places: dict[str, Any] = dict(starts=starts, also=also)
 
     def fit_errors(with_errors: Problem, number: int) -> Fit:
-        nonlocal begin, many
+        nonlocal near, places
         folder = checkpoint and Path(checkpoint) / f"scatter-{number}"
         errors = with_errors.errors  # as data: one compiled program for all rounds
-        found = fit(residuals, begin, data=errors, starts=many, checkpoint=folder, **common)
-        begin, many = found.theta, 1
+        found = fit(residuals, near, data=errors, checkpoint=folder, **places, **common)
+        near, places = found.theta, {}
         return found
 
     return fit_with_scatter(problem, fit_errors)

@@ -65,8 +65,9 @@ out, such as flocculation or a spread of sizes, is in it.
 
 {shown("loss")}
 
-The search looks for the valley; Levenberg-Marquardt finishes it, or on a kink a simplex.
-{notes}"""
+The search looks for valleys, from all over the priors where a cheap model lets it;
+Levenberg-Marquardt finishes the best, or on a kink a simplex.
+{_optima(result)}{notes}"""
 
 
 def _verdict(result: dict[str, Any]) -> str:
@@ -81,8 +82,11 @@ def _verdict(result: dict[str, Any]) -> str:
             " **The data do not agree with the model, or with each other, within their errors:** "
             "check values and units; the errors below do not allow for it."
         )
-    if result["other_optima"]:
-        verdict += f" {len(result['other_optima'])} of the starts ended in worse optima."
+    if others := len(result["optima"]) - 1:
+        verdict += (
+            f" The search found {others} other optim{'um' if others == 1 else 'a'}, worse than "
+            "this fit: see below."
+        )
     return verdict
 
 
@@ -130,6 +134,26 @@ def _parameters(result: dict[str, Any]) -> str:
             for label, one in result["parameters"].items()
         ),
     )
+
+
+def _optima(result: dict[str, Any]) -> str:
+    """The table of all optima; nothing where there is but one."""
+    if len(result["optima"]) < 2:
+        return ""
+    labels = list(result["parameters"])
+    table = files.markdown_table(
+        ["chi-squared", "with priors", *map(in_code, labels), "by"],
+        (
+            [
+                f"{one['chi_squared']:.4g}",
+                f"{2.0 * one['half_sum_of_squares']:.4g}",
+                *(f"{one['values'][label]:.4g}" for label in labels),
+                "the model" if one["finished"] else "the cheap model of the search",
+            ]
+            for one in result["optima"]
+        ),
+    )
+    return f"\n{table}"
 
 
 def _validity(result: dict[str, Any]) -> str:

@@ -29,6 +29,11 @@ KINK = (
     "measurement: it was found without slopes, and errors and intervals are those of one side"
 )
 
+ONE_PLACE = (
+    "an optimum was looked for from one place alone, so that better ones may exist: fit again with "
+    "--starts 8"
+)
+
 FASTER = 2.0
 """How many times faster than one of its particles alone a suspension may fall as fitted."""
 
@@ -40,6 +45,7 @@ def summary(
     predicted: np.ndarray,
     profiles: tuple[Profile, ...] = (),
     samples: Posterior | None = None,
+    unchanged: tuple[str, ...] = (),
 ) -> dict[str, Any]:
     """A fit as plain tables. `predicted` is `problem.predict`, (M,)."""
     agreed = agreement(problem, fit, identification, predicted)
@@ -55,6 +61,7 @@ def summary(
         "on_a_kink": fit.on_a_kink,
         "parameters": _parameters(problem, fit, identification, profiles, samples),
         **_what_is_determined(problem, fit, identification),
+        "unchanged_at_a_distance": list(unchanged),
         "data_as_understood": {
             name: one.table() for name, one in problem.experiment.data_as_understood.items()
         },
@@ -76,8 +83,26 @@ def summary(
             {"half_sum_of_squares": loss, "values": dict(zip(fit.names, values, strict=True))}
             for loss, values in fit.other_optima
         ],
+        "optima": _optima(problem, fit),
         "posterior": None if samples is None else _posterior(samples),
     }
+
+
+def _optima(problem: Problem, fit: Fit) -> list[dict[str, Any]]:
+    """All optima that were found, this fit first: their values, each in its own unit, by label."""
+    parameters = problem.experiment.parameters
+    return [
+        {
+            "values": {
+                parameter.label: parameter.value(x)
+                for parameter, x in zip(parameters, one.values, strict=True)
+            },
+            "chi_squared": one.chi_squared,
+            "half_sum_of_squares": one.loss,
+            "finished": one.finished,
+        }
+        for one in fit.optima
+    ]
 
 
 def _what_is_determined(
@@ -150,7 +175,8 @@ def _notes(problem: Problem, fit: Fit) -> list[str]:
         for sample in problem.experiment.samples
         for note in sample.recipe.notes
     ]
-    return notes + [KINK] * fit.on_a_kink + _at_bounds(problem, fit)
+    told = [KINK] * fit.on_a_kink + [ONE_PLACE] * (fit.places == 1)
+    return notes + told + _at_bounds(problem, fit)
 
 
 def _at_bounds(problem: Problem, fit: Fit) -> list[str]:

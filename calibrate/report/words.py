@@ -1,6 +1,6 @@
 """A result in sentences, for terminals and for Markdown."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +18,9 @@ class Language(NamedTuple):
 
 
 MARKDOWN = Language(in_markdown, in_code)
+
+AS_GOOD = 1.92
+"""How much greater the loss of an optimum is, at most, that 95 % of cases do not exclude."""
 
 TERMINAL = Language(in_terminal, lambda name: f"`{in_terminal(name)}`")
 
@@ -70,11 +73,8 @@ def in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]
         for label, one in parameters.items()
         if one["bounds"]
     ]
-    lines += [
-        f"No measurement says anything of {code(direction)} near this fit: changing it there, with "
-        "the combinations above held, changes no prediction."
-        for direction in result["null_directions"]
-    ]
+    unchanged = result["unchanged_at_a_distance"]
+    lines += [_null(code(one), one in unchanged) for one in result["null_directions"]]
     lines += [
         f"The data say too little of {code(direction)} to determine it."
         for direction in result["weak_combinations"]
@@ -89,7 +89,33 @@ def in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]
         if names := result[key]:
             listed = ", ".join(map(code, names))
             lines.append((several if len(names) > 1 else one).format(listed))
-    return lines
+    return [*lines, *_optima(result, code)]
+
+
+def _null(direction: str, unchanged: bool) -> str:
+    """The sentence about a product of powers of which no measurement tells."""
+    if unchanged:
+        return (
+            f"No measurement says anything of {direction}: changing it, with the combinations "
+            "above held, changes no prediction, a factor of ten away either."
+        )
+    return (
+        f"No measurement says anything of {direction} near this fit: changing it there, with the "
+        "combinations above held, changes no prediction; farther away it may."
+    )
+
+
+def _optima(result: dict[str, Any], code: Callable[[str], str]) -> Iterator[str]:
+    """Sentences about the other optima."""
+    best, *others = result["optima"] or [None]
+    for one in others:
+        values = ", ".join(f"{code(name)} = {value:.3g}" for name, value in one["values"].items())
+        as_good = one["half_sum_of_squares"] - best["half_sum_of_squares"] < AS_GOOD
+        yield (
+            f"Another optimum: {values}, with chi-squared {one['chi_squared']:.4g} where this fit "
+            f"has {result['chi_squared']:.4g}"
+            f"{', nearly as good: data and priors do not tell the two apart' if as_good else ''}."
+        )
 
 
 def _scatter(name: str, one: dict[str, Any]) -> str:

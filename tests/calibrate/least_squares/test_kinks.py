@@ -4,8 +4,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-import calibrate
-from calibrate import LogNormal
 from calibrate.least_squares import kinks
 from calibrate.least_squares.evaluator import Evaluator, progress_bar
 from calibrate.least_squares.programs import Given, compiled
@@ -82,20 +80,3 @@ def test_a_kink_is_found_twice_from_either_side(monkeypatch):
     _, on_a_kink, runs = kinks.without_slopes(evaluator, evaluator.at(np.zeros(1)))
     assert on_a_kink and sizes == [kinks.SIMPLEX, -kinks.SIMPLEX]
     assert runs > 8
-
-
-@pytest.mark.parametrize("pull, told", [(0.65, True), (0.4, False)])
-def test_other_optima_are_told_from_a_half_on(pull, told):
-    """Two valleys, at ln a = -1 and nearly 1, whose losses are about 2 pull^2 apart."""
-
-    def valleys(theta):
-        log = jnp.log(theta["a"])
-        return jnp.stack([10.0 * (log**2 - 1.0), pull * (log + 1.0)])
-
-    prior = {"a": LogNormal(1.0, 3.0)}
-    fit = calibrate.fit(valleys, {"a": 2.5}, priors=prior, starts=8)
-    assert np.log(fit.values[0]) == pytest.approx(-1.0, abs=0.02)
-    assert bool(fit.other_optima) == told
-    for loss, values in fit.other_optima:
-        assert loss - fit.loss[-1] == pytest.approx(2.0 * pull**2, rel=0.05)
-        assert np.log(values[0]) == pytest.approx(1.0, abs=0.02)

@@ -15,6 +15,10 @@ def point_of(residuals, jacobian, logs=(0.0, 0.0)):
     return Point(0.5 * float(value @ value), np.array(logs, float), slopes, value)
 
 
+def each(at):
+    return lambda places: [at(place) for place in places]
+
+
 def test_a_free_step_solves_straight_residuals_and_promises_all_of_them():
     change, promised = levenberg.step(point_of([3.0, -4.0], [[1.0, 0.0], [0.0, 2.0]]), OPEN)
     np.testing.assert_allclose(change, [-3.0, 2.0], rtol=1e-12)
@@ -57,7 +61,7 @@ def test_a_path_that_overshoots_is_shortened_and_never_taken_uphill():
         return point_of(np.arctan(logs), 1.0 / (1.0 + logs[:, None] ** 2), logs)
 
     one = Bounds(np.array([-np.inf]), np.array([np.inf]))
-    end, runs = levenberg.minimise(at, at(np.array([3.0])), one, 60)
+    (end,), runs = levenberg.minimise(each(at), [at(np.array([3.0]))], one, 60)
     assert abs(end.logs[0]) < 1e-4 and runs == len(asked) - 1
     # Ten to the left it is worse there: from where it was, a quarter as far.
     np.testing.assert_allclose(asked[1:3], [-7.0, 0.5], rtol=5e-3)
@@ -68,8 +72,29 @@ def test_a_path_ends_where_next_to_nothing_is_promised():
     def at(logs):
         return point_of(logs - 1.0, np.eye(2), logs)
 
-    end, runs = levenberg.minimise(at, at(np.zeros(2)), OPEN, 20)
+    (end,), runs = levenberg.minimise(each(at), [at(np.zeros(2))], OPEN, 20)
     np.testing.assert_allclose(end.logs, [1.0, 1.0], rtol=1e-12)
     assert runs <= 2
-    _, runs = levenberg.minimise(at, at(np.ones(2)), OPEN, 20)
+    _, runs = levenberg.minimise(each(at), [at(np.ones(2))], OPEN, 20)
     assert runs == 0
+
+
+def test_paths_side_by_side_are_those_of_each_alone():
+    """From three places to the two roots of x^2 = 4, one call for all that are under way."""
+    calls = []
+
+    def at(logs):
+        return point_of(logs**2 - 4.0, 2.0 * logs[None], logs)
+
+    def together(places):
+        calls.append(len(places))
+        return [at(place) for place in places]
+
+    one = Bounds(np.array([-np.inf]), np.array([np.inf]))
+    firsts = [at(np.array([x])) for x in (2.0, 30.0, -1.0)]
+    ends, runs = levenberg.minimise(together, firsts, one, 60)
+    alone = [levenberg.minimise(each(at), [first], one, 60) for first in firsts]
+    assert [end.logs for end in ends] == [path[0][0].logs for path in alone]
+    np.testing.assert_allclose(np.ravel([end.logs for end in ends]), [2, 2, -2], rtol=1e-5)
+    assert runs == sum(path[1] for path in alone) == sum(calls)
+    assert len(calls) == max(path[1] for path in alone)

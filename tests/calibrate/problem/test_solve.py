@@ -11,7 +11,9 @@ from calibrate.experiment.experiment import Experiment
 from calibrate.experiment.free_parameters import FreeParameter
 from calibrate.experiment.sample import Measurement, Sample
 from calibrate.least_squares.fit import Fit
+from calibrate.least_squares.optima import Optimum
 from calibrate.problem import solve
+from calibrate.problem.beginnings import Beginnings
 from calibrate.problem.problem import Problem
 
 VELOCITY = Measurement("initial_velocity", 8.0, 0.5, "m/s", 1.0)
@@ -41,33 +43,44 @@ def ended(value, runs, converged=True):
     theta = OrderedDict(f_s=value)
     numbers = np.array([value])
     return Fit(theta, ("f_s",), numbers, numbers, numbers[None], numbers, numbers, converged, False,
-               runs, None, None, None)  # fmt: skip
+               runs, None, None, None, optima=(optimum_of(value),))  # fmt: skip
+
+
+def optimum_of(value, finished=True):
+    return Optimum(np.array([value]), value, value, finished)
 
 
 @pytest.fixture
 def searches(monkeypatch):
     """Fits end where a list says; what each was asked is kept."""
-    ends, calls = [], []
+    ends, calls, others, also_asked = [], [], [], []
+    promising = [OrderedDict(f_s=1.0)]
 
     def prepare(experiment, model, seed, near, folder):
-        calls.append((model, None if near is None else near["f_s"], folder))
-        near = OrderedDict(f_s=1.0) if near is None else near
+        calls.append((model, near["f_s"], folder))
         return Problem(experiment, (), near, everywhere=model == "closed-form")
 
-    def fit(residuals, start, *, starts, **_):
+    def fit(residuals, start, *, starts, also, **_):
         calls[-1] += (starts,)
+        also_asked.append([theta["f_s"] for theta in also])
         return ends.pop(0)
 
+    def begun(*_):
+        return Beginnings(promising, list(others), 65)
+
+    monkeypatch.setattr(solve, "beginnings", begun)
     monkeypatch.setattr(Problem, "prepare", prepare)
     monkeypatch.setattr(solve, "fit", fit)
-    return SimpleNamespace(ends=ends, calls=calls)
+    return SimpleNamespace(
+        ends=ends, calls=calls, promising=promising, others=others, also=also_asked
+    )
 
 
 def test_a_model_is_prepared_again_where_a_fit_leads_far(experiment, searches, tmp_path):
     searches.ends += [ended(4.0, 10), ended(5.0, 7)]
     problem, found = solve.fit_experiment(experiment, "column", starts=8, checkpoint=tmp_path)
     assert searches.calls == [
-        ("column", None, tmp_path / "prepared-0", 8),
+        ("column", 1.0, tmp_path / "prepared-0", 8),
         ("column", 4.0, tmp_path / "prepared-1", 1),
     ]
     assert (found.model_runs, found.converged, problem.near["f_s"]) == (17, True, 4.0)
@@ -85,7 +98,7 @@ def test_a_fit_begins_where_a_cheaper_model_ends(experiment, searches, tmp_path)
         experiment, "column", begin_with="closed-form", starts=8, checkpoint=tmp_path
     )
     assert searches.calls == [
-        ("closed-form", None, tmp_path / "begin-with" / "prepared-0", 8),
+        ("closed-form", 1.0, tmp_path / "begin-with" / "prepared-0", 8),
         ("column", 2.0, tmp_path / "prepared-0", 1),
     ]
     assert found.model_runs == 5
@@ -95,3 +108,26 @@ def test_a_cheaper_model_that_did_not_converge_begins_nothing(experiment, search
     searches.ends += [ended(2.0, 30, converged=False)]
     with pytest.raises(mrjax.SimulationError, match="the cheaper model did not converge"):
         solve.fit_experiment(experiment, "column", begin_with="closed-form")
+
+
+def test_a_fit_begins_at_the_promising_where_its_model_holds_and_tells_the_others(
+    experiment, searches
+):
+    """2.9 times slower the model holds, 3.1 times it does not; 1.2 is the optimum of 1 again."""
+    searches.promising += [OrderedDict(f_s=2.9), OrderedDict(f_s=3.1)]
+    searches.others += [optimum_of(90.0, False), optimum_of(40.0, False), optimum_of(1.2, False)]
+    searches.ends += [ended(1.0, 10)]
+    _, found = solve.fit_experiment(experiment, "column", starts=2)
+    assert searches.also == [[2.9]]
+    assert [one.values[0] for one in found.optima] == [1.0, 40.0, 90.0]
+    assert found.places == 67
+
+
+def test_optima_of_an_earlier_preparation_are_told_too(experiment, searches):
+    first = ended(4.0, 10)
+    searches.ends += [
+        Fit(**{**vars(first), "optima": (optimum_of(4.0), optimum_of(30.0))}),
+        ended(5.0, 7),
+    ]
+    _, found = solve.fit_experiment(experiment, "column")
+    assert [one.values[0] for one in found.optima] == [5.0, 30.0]

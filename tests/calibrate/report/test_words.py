@@ -105,8 +105,38 @@ def test_differences_in_the_tables_of_a_report_are_predicted_minus_measured():
     assert document._left_out([]) == ""
 
 
+OPTIMUM = {
+    "values": {"f_s": 1.25},
+    "chi_squared": 105.19,
+    "half_sum_of_squares": 52.7,
+    "finished": True,
+}
+OTHER = OPTIMUM | {"values": {"f_s": 0.2155}, "chi_squared": 409.31, "finished": False}
+
+
+@pytest.mark.parametrize("loss, as_good", [(54.5, True), (54.7, False)])
+def test_another_optimum_is_told_with_its_chi_squared(loss, as_good):
+    others = [OPTIMUM, OTHER | {"half_sum_of_squares": loss}]
+    result = {"chi_squared": 105.19, "optima": others, "parameters": {"f_s": {}}}
+    (line,) = words._optima(result, words.TERMINAL.code)
+    told = "Another optimum: `f_s` = 0.215, with chi-squared 409.3 where this fit has 105.2"
+    assert line.startswith(told)
+    assert ("do not tell the two apart" in line) == as_good
+    table = document._optima(result)
+    assert f"| 409.3 | {2 * loss:.4g} | 0.2155 | the cheap model of the search |" in table
+    assert "| 105.2 | 105.4 | 1.25 | the model |" in table
+    assert document._optima(result | {"optima": [OPTIMUM]}) == ""
+    assert list(words._optima(result | {"optima": [OPTIMUM]}, words.TERMINAL.code)) == []
+
+
+def test_that_no_prediction_changes_is_said_of_the_neighbourhood_unless_asked_far_away():
+    assert "near this fit" in words._null("`a / b`", unchanged=False)
+    assert "near" not in words._null("`a / b`", unchanged=True)
+    assert "a factor of ten away" in words._null("`a / b`", unchanged=True)
+
+
 def verdict(**changes):
-    result = {"converged": True, "misfit": False, "other_optima": []}
+    result = {"converged": True, "misfit": False, "optima": [OPTIMUM]}
     return document._verdict(result | changes)
 
 
@@ -114,7 +144,8 @@ def test_a_verdict_says_what_is_wrong():
     assert verdict() == "The fit converged."
     assert "do not use these values" in verdict(converged=False)
     assert "do not agree" in verdict(misfit=True)
-    assert "2 of the starts ended in worse optima" in verdict(other_optima=[1, 2])
+    assert "found 1 other optimum, worse" in verdict(optima=[OPTIMUM] * 2)
+    assert "found 2 other optima, worse" in verdict(optima=[OPTIMUM] * 3)
     posterior = {"r_hat": 1.5, "effective_samples": 30.0, "divergences": 2, "converged": False}
     assert "do not use them** (R-hat 1.500, 30 effective" in document._posterior(posterior)
     assert "agree between chains" in document._posterior(posterior | {"converged": True})

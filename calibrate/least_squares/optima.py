@@ -1,0 +1,103 @@
+"""Optima: which ends of searches are different ones, and which is told of each."""
+
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from calibrate.least_squares import levenberg
+from calibrate.least_squares.bounds import Bounds
+from calibrate.least_squares.finish import CONVERGED_BELOW, is_settled
+from calibrate.least_squares.levenberg import Point
+
+APART = 1.0
+"""Distance between the residuals of two optima, from which they are different; standard
+deviations."""
+NEAR = 0.5
+"""Distance in logarithms up to which like residuals are of one optimum."""
+RIDGE = 0.5
+"""How much greater the loss halfway between two optima is, at least: chi-squared by one."""
+
+
+class Optimum(NamedTuple):
+    """A least of the sum of squares, priors included."""
+
+    values: np.ndarray
+    """(P,)."""
+    loss: float
+    """Half the sum of squares, priors included."""
+    chi_squared: float
+    """Sum of squares of the residuals of the measurements, without the priors."""
+    finished: bool = True
+    """False for one of the cheap model of a search alone."""
+
+
+def optimum(end: Point, count: int, finished: bool = True) -> Optimum:
+    """The optimum at an end, whose first `count` residuals are of measurements."""
+    of_data = end.value[:count]
+    with np.errstate(over="ignore"):
+        return Optimum(np.exp(end.logs), end.loss, float(of_data @ of_data), finished)
+
+
+def distinct(
+    ends: Iterable[Point], start: np.ndarray, box: Bounds, at: Callable[[np.ndarray], Point]
+) -> list[Point]:
+    """The different optima among the ends of searches, best first.
+
+    The best is always among them, others if they have settled and are no plateau, where less is
+    seen than from the best. Of ends in one valley that are as good, the one nearest to the start.
+
+    Args:
+      ends: of searches.
+      start: logarithms, (P,).
+      box: the bounds.
+      at: residuals at other logarithms.
+    """
+    valleys: list[list[Point]] = []
+    for end in sorted(ends, key=lambda end: end.loss):
+        if valleys and not _as_certain(end, valleys[0][0], box):
+            continue
+        for valley in valleys:
+            if _same(end, valley[0], at):
+                valley.append(end)
+                break
+        else:
+            valleys.append([end])
+
+    def nearest(valley: list[Point]) -> Point:
+        as_good = [end for end in valley if end.loss <= valley[0].loss + 0.5 * CONVERGED_BELOW]
+        return min(as_good or valley, key=lambda end: float(np.linalg.norm(end.logs - start)))
+
+    return [nearest(valley) for valley in valleys]
+
+
+def with_others(optima: Sequence[Optimum], others: Iterable[Optimum]) -> tuple[Optimum, ...]:
+    """Optima and those of others that are not near one of them, the first in its place."""
+    known = list(optima)
+    for other in others:
+        distances = [np.linalg.norm(np.log(other.values / one.values)) for one in known]
+        if min(distances, default=np.inf) > NEAR:
+            known.append(other)
+    return (*known[:1], *sorted(known[1:], key=lambda one: one.loss))
+
+
+def _as_certain(end: Point, best: Point, box: Bounds) -> bool:
+    """True for an end that is an optimum, too."""
+    return end.finite and is_settled(end, box) and _rank(end) >= _rank(best)
+
+
+def _rank(end: Point) -> int:
+    """Directions of which residuals or priors tell."""
+    if not end.finite:
+        return 0
+    size = np.linalg.svd(end.jacobian, compute_uv=False)
+    return int(np.sum(size > levenberg.resolved(end.jacobian) * size[0]))
+
+
+def _same(one: Point, other: Point, at: Callable[[np.ndarray], Point]) -> bool:
+    """True if two ends predict the same, and no ridge is between them."""
+    if np.linalg.norm(one.value - other.value) > APART:
+        return False
+    if np.linalg.norm(one.logs - other.logs) < NEAR:
+        return True
+    return at(0.5 * (one.logs + other.logs)).loss < max(one.loss, other.loss) + RIDGE

@@ -1,0 +1,68 @@
+"""All optima of a model that costs next to nothing: from many places, side by side."""
+
+from collections.abc import Callable
+
+import numpy as np
+from jax import Array
+
+from calibrate.least_squares.evaluator import half_square
+from calibrate.least_squares.interruptible import stoppable
+from calibrate.least_squares.levenberg import Point, minimise
+from calibrate.least_squares.optima import Optimum, distinct, optimum
+from calibrate.least_squares.programs import AT_ONCE, count_residuals, over_starts, prepared
+from calibrate.least_squares.unknowns import Unknowns
+from mrjax.core.promotion import relaxed_promotion
+
+DRAWN = 128
+"""Places that are looked at."""
+BEST, FIRST = 16, 31
+"""Those from which an optimum is looked for: the best, which may all be of one valley, and the
+first, which are all over."""
+MOST_STEPS = 40
+"""On the way to it."""
+
+
+def scout(
+    residuals: Callable[..., Array],
+    unknown: Unknowns,
+    places: np.ndarray,
+    robust: float | None = None,
+) -> list[Optimum]:
+    """The different optima that are found from the first places and the best of all.
+
+    Args:
+      residuals, robust: as for `fit`.
+      unknown: what is fitted.
+      places: logarithms, (S, P).
+
+    Returns:
+      the optima, best first, none of them finished; none where nothing can be predicted.
+    """
+    programs, given = prepared(residuals, unknown, None, robust)
+    with stoppable(), relaxed_promotion():
+        count = count_residuals(programs, places[0], given) - len(unknown.with_prior)
+        at = _together(lambda logs: programs.linearised(logs, given))
+        points = at(list(places))
+        best = sorted(points[1 + FIRST :], key=lambda one: one.loss)[:BEST]
+        begun = [one for one in (*points[: 1 + FIRST], *best) if one.finite]
+        ends, _ = minimise(at, begun, unknown.box, MOST_STEPS)
+        found = distinct(ends, places[0], unknown.box, lambda logs: at([logs])[0])
+        return [optimum(end, count, finished=False) for end in found]
+
+
+def _together(linearised: Callable) -> Callable[[list[np.ndarray]], list[Point]]:
+    """Residuals and slopes at any number of places, by one program for some at a time."""
+    some = over_starts(linearised, AT_ONCE)
+
+    def at(places: list[np.ndarray]) -> list[Point]:
+        points = []
+        for first in range(0, len(places), AT_ONCE):
+            asked = places[first : first + AT_ONCE]
+            filled = np.stack([*asked, *[asked[-1]] * (AT_ONCE - len(asked))])
+            points += [
+                Point(half_square(value), logs, jacobian, value)
+                for logs, jacobian, value in zip(asked, *some(filled), strict=False)
+            ]
+        return points
+
+    return at

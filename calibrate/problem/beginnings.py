@@ -1,0 +1,81 @@
+"""Where the fit of an experiment begins: the optima of a model that costs next to nothing."""
+
+from collections import OrderedDict
+from typing import NamedTuple
+
+import numpy as np
+
+from calibrate.experiment.experiment import Experiment
+from calibrate.least_squares.optima import Optimum
+from calibrate.least_squares.scout import DRAWN, scout
+from calibrate.least_squares.unknowns import unknowns
+from calibrate.models.bed import needs_a_bed
+from calibrate.models.forward_models import forward_model, model_for_searches
+from calibrate.models.prediction import ForwardModelMaker
+from calibrate.problem.initial_slope import with_initial_slopes
+from calibrate.problem.problem import Problem
+
+Theta = OrderedDict[str, float]
+
+MOST = 3
+"""Optima from which a fit begins."""
+TIMES_WORSE, WORSE = 1.05, 2.0
+"""Loss up to which an optimum could be the best by the model itself. A column of 200 cells and its
+characteristics differ by 0.5 % in it."""
+
+
+class Beginnings(NamedTuple):
+    """Where a fit begins, and what else was found."""
+
+    promising: list[Theta]
+    """Values, by variable, best first; one at least."""
+    others: list[Optimum]
+    """Optima of the cheap model that are much worse."""
+    places: int
+    """Places from which optima were looked for; 0 without a cheap model."""
+
+
+def beginnings(
+    experiment: Experiment, model: str | ForwardModelMaker, seed: int, robust: float | None
+) -> Beginnings:
+    """The optima of a cheap model, or the start where there is none or beds are simulated.
+
+    Both with the drag of the initial slopes.
+
+    Args:
+      experiment: samples and parameters.
+      model: as for `Problem.prepare`.
+      seed: of the places from which optima are looked for.
+      robust: as for `fit`.
+
+    Raises:
+      InputError: as `Problem.prepare`.
+    """
+    cheap = model_for_searches(forward_model(model))
+    if _simulates_a_bed(experiment):
+        cheap = None
+    models = Problem.prepare(experiment, cheap, seed).models if cheap else ()
+    problem = Problem(experiment, models, experiment.start, everywhere=True)
+    unknown = unknowns(problem.start, problem.priors, problem.bounds)
+    places = unknown.starts(1 + DRAWN if models else 1, seed)
+    places = with_initial_slopes(experiment, unknown, places)
+    found = scout(problem.residuals, unknown, places, robust) if models else []
+
+    def theta(values: np.ndarray) -> Theta:
+        return OrderedDict(zip(unknown.names, map(float, values), strict=True))
+
+    if not found:
+        return Beginnings([theta(np.exp(places[0]))], [], 0)
+    limit = TIMES_WORSE * found[0].loss + WORSE
+    promising = [one for one in found[:MOST] if one.loss <= limit]
+    return Beginnings(
+        [theta(one.values) for one in promising], found[len(promising) :], len(places)
+    )
+
+
+def _simulates_a_bed(experiment: Experiment) -> bool:
+    return any(
+        needs_a_bed(sample)
+        and experiment.suspension_of(sample, experiment.start).bed_fraction is None
+        for sample in experiment.samples
+    )

@@ -1,0 +1,83 @@
+"""The initial slope of a curve sets the scale of the drag, before anything is searched."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from calibrate.experiment.experiment import Experiment
+from calibrate.experiment.sample import Sample
+from calibrate.experiment.units import CURVES
+from calibrate.least_squares.unknowns import Unknowns
+from mrjax import terminal_velocity
+from mrjax.core.promotion import relaxed_promotion
+
+SHARE = 1.0 / 3.0
+"""Of a curve's fall, over which its slope is taken."""
+STEPS = 4
+"""Of Newton's method: velocities are nearly powers of most quantities."""
+CERTAIN = 1e-6
+"""Part of the largest velocity's spread below which one does not vary."""
+
+
+def initial_slope(sample: Sample) -> float | None:
+    """The speed at which a curve begins to fall, m/s; None where it does not, or has no curve.
+
+    Of the straight line through the readings of its first third.
+    """
+    curve = [one for one in sample.measurements if one.observable in CURVES]
+    if not curve:
+        return None
+    scale = sample.height if curve[0].observable == "sedimentation_ratio" else 1.0
+    heights = np.array([sample.height, *(one.value * one.si * scale for one in curve)])
+    times = np.array([0.0, *(sample.times[one.place or 0] for one in curve)])
+    if not heights.min() < heights[0]:
+        return None
+    least = heights[0] - SHARE * (heights[0] - heights.min())
+    early = max(2, int(np.argmax(heights < least))) if (heights < least).any() else times.size
+    if np.ptp(times[:early]) == 0.0:
+        early += 1
+    times, heights = times[:early] - times[:early].mean(), heights[:early]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        slope = -float(times @ heights / (times @ times))
+    return slope if 0.0 < slope < np.inf else None
+
+
+def with_initial_slopes(
+    experiment: Experiment, unknown: Unknowns, places: np.ndarray
+) -> np.ndarray:
+    """The most likely places near some, (S, P), at which particles fall as their curves begin to.
+
+    Args:
+      experiment: samples and parameters.
+      unknown: what is fitted.
+      places: logarithms, (S, P).
+    """
+    slopes = [initial_slope(sample) for sample in experiment.samples]
+    begun = [
+        (sample, slope) for sample, slope in zip(experiment.samples, slopes, strict=True) if slope
+    ]
+    if not begun:
+        return places
+
+    def missing(logs: Array) -> tuple[Array, Array]:
+        theta = unknown.tree(jnp.exp(logs))
+        falling = [
+            jnp.mean(terminal_velocity(experiment.suspension_of(sample, theta).parameters))
+            for sample, _ in begun
+        ]
+        logs_of = jnp.log(jnp.stack(falling)) - jnp.log(jnp.array([slope for _, slope in begun]))
+        return logs_of, logs_of
+
+    linearised = jax.jit(jax.vmap(jax.jacfwd(missing, has_aux=True)))
+    moved = places
+    with relaxed_promotion():
+        for _ in range(STEPS):
+            slopes_of, off = map(np.asarray, linearised(moved))
+            spread = slopes_of * unknown.spread  # of each velocity by each value, (S, K, P)
+            known = np.isfinite(spread).all(axis=(1, 2)) & np.isfinite(off).all(axis=1)
+            inverse = np.linalg.pinv(spread[known], rcond=CERTAIN)
+            steps = np.einsum("spk,sk->sp", inverse, off[known])
+            moved = moved.copy()
+            moved[known] = unknown.box.clip(moved[known] - unknown.spread * steps)
+    return moved
