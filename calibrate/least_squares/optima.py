@@ -72,11 +72,18 @@ def distinct(
 
 
 def with_others(optima: Sequence[Optimum], others: Iterable[Optimum]) -> tuple[Optimum, ...]:
-    """Optima and those of others that are not near one of them, the first in its place."""
+    """Optima and those of others that are not near one and as good, the first in its place."""
+
+    def known_already(other: Optimum) -> bool:
+        return any(
+            np.linalg.norm(np.log(other.values / one.values)) < NEAR
+            and abs(other.loss - one.loss) < RIDGE
+            for one in known
+        )
+
     known = list(optima)
     for other in others:
-        distances = [np.linalg.norm(np.log(other.values / one.values)) for one in known]
-        if min(distances, default=np.inf) > NEAR:
+        if not known_already(other):
             known.append(other)
     return (*known[:1], *sorted(known[1:], key=lambda one: one.loss))
 

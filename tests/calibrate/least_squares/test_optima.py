@@ -62,9 +62,11 @@ def test_no_other_optimum_is_where_slopes_lead_on_or_a_plateau_or_nothing_is_pre
 
 def test_optima_of_others_are_added_where_they_are_elsewhere():
     first, near_by, far = (
-        Optimum(np.array([x]), loss, 0.0) for x, loss in ((2, 3), (3, 2), (9, 1))
+        Optimum(np.array([x]), loss, 0.0) for x, loss in ((2, 3), (3, 2.8), (9, 1))
     )
     assert with_others([first], [near_by, far]) == (first, far)
+    worse = near_by._replace(loss=3.6)
+    assert with_others([first], [worse]) == (first, worse)
 
 
 def valleys(theta):
