@@ -9,7 +9,12 @@ from calibrate.experiment.sample import Sample
 from calibrate.experiment.suspension import Suspension
 from calibrate.models.bed import final_ratio, fraction_of_bed, simulated_fraction
 from calibrate.models.column import refuse_several_sizes
-from calibrate.models.prediction import ForwardModel, Prediction, prediction
+from calibrate.models.prediction import (
+    ForwardModel,
+    Prediction,
+    prediction,
+    terminal_velocities,
+)
 from mrjax.continuum import kynch
 
 
@@ -41,6 +46,7 @@ def characteristics(
             densest = jnp.asarray(fraction_of_bed(suspension, bed), float)
             flux = kynch.table(parameters, suspension.hindrance, initial, densest)
             ratio = kynch.mudline(flux, jnp.asarray(sample.height, float), times) / sample.height
-        return prediction(sample, suspension, velocity, final, ratio)
+        velocities = terminal_velocities(sample, suspension)
+        return prediction(sample, suspension, velocity, final, ratio, velocities)
 
     return predict
