@@ -85,7 +85,8 @@ def _shortest(jacobian: np.ndarray, value: np.ndarray, radius: float) -> np.ndar
 
     if np.linalg.norm(damped(0.0)) <= radius:
         return right.T @ damped(0.0)
-    most = float(np.linalg.norm(size * along)) / radius
+    # Twice what is enough, which rounding would leave a little too long.
+    most = 2.0 * float(np.linalg.norm(size * along)) / radius
     damping = brentq(lambda damping: np.linalg.norm(damped(damping)) - radius, 0.0, most, rtol=1e-3)
     return right.T @ damped(damping)
 

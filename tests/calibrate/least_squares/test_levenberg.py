@@ -32,6 +32,14 @@ def test_a_step_is_no_longer_than_its_radius():
     assert 0.0 < promised < 25.0
 
 
+def test_a_step_far_below_the_free_one_has_its_radius_whatever_the_rounding():
+    rng = np.random.default_rng(0)
+    for radius in 10.0 ** rng.uniform(-12, -6, 200):
+        point = point_of(rng.normal(size=3), rng.normal(size=(3, 2)))
+        change, _ = levenberg.step(point, OPEN, radius)
+        assert np.linalg.norm(change) == pytest.approx(radius, rel=2e-3)
+
+
 def test_a_step_goes_nowhere_along_what_the_data_do_not_see():
     change, _ = levenberg.step(point_of([2.0], [[1.0, 1.0]]), OPEN)
     np.testing.assert_allclose(change, [-1.0, -1.0], rtol=1e-12)
