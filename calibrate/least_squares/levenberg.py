@@ -74,21 +74,25 @@ def step(point: Point, box: Bounds, radius: float = np.inf) -> tuple[np.ndarray,
 def _shortest(jacobian: np.ndarray, value: np.ndarray, radius: float) -> np.ndarray:
     """The step to the least |r + J d| with |d| within the radius, (P,)."""
     left, size, right = np.linalg.svd(jacobian, full_matrices=False)
-    if not size.size:
+    if not size.any():
         return np.zeros(jacobian.shape[1])
     seen = size > resolved(jacobian) * size[0]
-    left, size, right = left[:, seen], size[seen], right[seen]
-    along = -left.T @ value
+    # Over the largest, so that squares of small slopes are numbers.
+    left, right, along = left[:, seen], right[seen], -left[:, seen].T @ (value / size[0])
+    size = size[seen] / size[0]
 
     def damped(damping: float) -> np.ndarray:
         return size * along / (size**2 + damping)
 
-    if np.linalg.norm(damped(0.0)) <= radius:
+    def beyond(damping: float) -> float:
+        return float(np.linalg.norm(damped(damping))) - radius
+
+    if beyond(0.0) <= 0.0:
         return right.T @ damped(0.0)
     # Twice what is enough, which rounding would leave a little too long.
     most = 2.0 * float(np.linalg.norm(size * along)) / radius
-    damping = brentq(lambda damping: np.linalg.norm(damped(damping)) - radius, 0.0, most, rtol=1e-3)
-    return right.T @ damped(damping)
+    least = float(np.finfo(float).tiny)
+    return right.T @ damped(brentq(beyond, 0.0, most, xtol=least, rtol=1e-3))
 
 
 def resolved(jacobian: ArrayLike) -> float:

@@ -34,10 +34,11 @@ def test_a_step_is_no_longer_than_its_radius():
 
 def test_a_step_far_below_the_free_one_has_its_radius_whatever_the_rounding():
     rng = np.random.default_rng(0)
-    for radius in 10.0 ** rng.uniform(-12, -6, 200):
-        point = point_of(rng.normal(size=3), rng.normal(size=(3, 2)))
-        change, _ = levenberg.step(point, OPEN, radius)
-        assert np.linalg.norm(change) == pytest.approx(radius, rel=2e-3)
+    for scale in (1.0, 1e-20, 1e-100):
+        for radius in 10.0 ** rng.uniform(-12, -6, 100):
+            point = point_of(rng.normal(size=3), scale * rng.normal(size=(3, 2)))
+            change, _ = levenberg.step(point, OPEN, radius)
+            assert np.linalg.norm(change) == pytest.approx(radius, rel=2e-3)
 
 
 def test_a_step_goes_nowhere_along_what_the_data_do_not_see():
