@@ -47,11 +47,8 @@ def measured(experiment: str, model: str, by: str, sets: Sequence[int]) -> list[
     rows = []
     for number in tqdm(sets, desc=f"{experiment}, {model}"):
         random = np.random.default_rng(number)
-        truth = OrderedDict(
-            (name, prior.median * np.exp(prior.log_standard_deviation * random.standard_normal()))
-            for name, prior in problem.priors.items()
-        )
-        data = np.asarray(problem.predict(truth)) + errors * random.standard_normal(errors.size)
+        truth, exact = _drawn(problem, random)
+        data = exact + errors * random.standard_normal(errors.size)
         found = fit(problem.residuals, problem.start, priors=problem.priors, data=data)
         for name, intervals in _intervals(found, by).items():
             rows.append(
@@ -71,6 +68,23 @@ def measured(experiment: str, model: str, by: str, sets: Sequence[int]) -> list[
                 }
             )
     return rows
+
+
+def _drawn(
+    problem: Problem, random: np.random.Generator
+) -> tuple[OrderedDict[str, float], np.ndarray]:
+    """Values from the priors, and what they predict, (M,); of samples that can be.
+
+    A bed is denser than its suspension.
+    """
+    while True:
+        truth = OrderedDict(
+            (name, prior.median * np.exp(prior.log_standard_deviation * random.standard_normal()))
+            for name, prior in problem.priors.items()
+        )
+        exact = np.asarray(problem.predict(truth))
+        if np.isfinite(exact).all():
+            return truth, exact
 
 
 def _intervals(found: Fit, by: str) -> dict[str, dict[str, tuple[float, float]]]:
