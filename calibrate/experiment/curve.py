@@ -16,7 +16,7 @@ from calibrate.experiment.readings.columns import Layout
 from calibrate.experiment.readings.points import Points, points
 from calibrate.experiment.readings.scatter import scatter
 from calibrate.experiment.readings.sheet import CurveSheet as CurveSheet
-from calibrate.experiment.readings.table import Table
+from calibrate.experiment.readings.table import Table, only_table
 from calibrate.experiment.readings.times import Times, times
 from calibrate.experiment.readings.understood import Understood
 from calibrate.experiment.readings.values import Tube, Values, values
@@ -44,7 +44,7 @@ class Curve(NamedTuple):
     rows: list[int]
     """Numbers of the rows in the file, (T,)."""
     understood: Understood
-    """How the file was read."""
+    """Record of how the file was read."""
 
 
 def read(
@@ -64,99 +64,94 @@ def read(
     Raises:
       InputError: the file, its header or a row cannot be used: the file, the line and the remedy.
     """
-    table = _of_readings(rows.tables(sheet, folder), sheet, folder / sheet.file)
+    table = only_table(
+        rows.tables(sheet, folder),
+        lambda one: bool(columns.layout(one, sheet.columns).rows),
+        folder / sheet.file,
+        "several sheets of readings",
+        "no sheet with a time and a mudline",
+    )
     layout = columns.layout(table, sheet.columns, sheet.time_unit, sheet.unit)
     columns.refuse_several_samples(table, layout)
-    found = points(table, layout)
-    cells = [cell for point in found.points for cell in (point.time, point.reading, point.error)]
+    written = points(table, layout, sheet.date_format)
+    cells = [cell for point in written.points for cell in (point.time, point.reading, point.error)]
     mark = decimals.decimal_mark(filter(None, cells), table.delimiter, sheet.decimal)
     head = layout.time.heading
     if layout.date is not None:
         head = head._replace(name="time of day")
-    when = times([point.time for point in found.points], head, sheet, mark)
-    read = values(found.points, layout, sheet, Tube(height, tube_diameter), mark)
+    when = times([point.time for point in written.points], head, sheet, mark)
+    readings = values(written.points, layout, sheet, Tube(height, tube_diameter), mark)
     if min(when.seconds) == max(when.seconds):
         raise InputError(f"{table.path}: has readings at one time alone; give a second time")
-    read, errors = _with_errors(read, when, height, table)
-    order = sorted(range(len(read.values)), key=lambda place: when.seconds[place])
+    readings, errors = _with_errors(readings, when, height, table)
+    order = sorted(range(len(readings.values)), key=lambda place: when.seconds[place])
     when = when._replace(seconds=[when.seconds[place] for place in order])
-    read = read._replace(
-        values=[read.values[place] for place in order],
-        errors=[read.errors[place] for place in order],
+    readings = readings._replace(
+        values=[readings.values[place] for place in order],
+        errors=[readings.errors[place] for place in order],
     )
-    understood = _understood(sheet, table, layout, found, when, read, errors, mark)
+    understood = _understood(sheet, table, layout, written, when, readings, errors, mark)
     return Curve(
-        read.observable,
+        readings.observable,
         when.seconds,
-        read.values,
-        read.errors,
-        read.unit,
-        read.si,
-        [found.points[place].row.number for place in order],
+        readings.values,
+        readings.errors,
+        readings.unit,
+        readings.si,
+        [written.points[place].row.number for place in order],
         understood,
     )
 
 
-def _of_readings(tables: list[Table], sheet: CurveSheet, path: Path) -> Table:
-    """The one table of a file that has times and readings."""
-    if len(tables) == 1:
-        return tables[0]
-    found = [one for one in tables if columns.has_readings(one, sheet.columns)]
-    if len(found) != 1:
-        names = ", ".join(shown(one.facts["sheet"]) for one in (found or tables)[:4])
-        fault = "several sheets of readings" if found else "no sheet with a time and a mudline"
-        raise InputError(f"{path}: has {fault}: {names}; state sheet, or give each its header")
-    return found[0]
-
-
 def _with_errors(
-    read: Values, when: Times, height: float | None, table: Table
+    readings: Values, when: Times, height: float | None, table: Table
 ) -> tuple[Values, str]:
     """Readings with errors, and whether these are stated or estimated."""
-    if not any(map(math.isnan, read.errors)):
-        return read, "stated"
-    top = 1.0 / read.si if read.observable == "sedimentation_ratio" else (height or 0.0) / read.si
+    if not any(map(math.isnan, readings.errors)):
+        return readings, "stated"
+    whole = 1.0 if readings.observable == "sedimentation_ratio" else height or 0.0
+    top = whole / readings.si
     if not top:
         raise InputError(
             f"{table.path}: no point has an error; give {ERROR} in the experiment file, or a "
             "column of it"
         )
-    ordered = sorted(zip(when.seconds, read.values, strict=True))
+    ordered = sorted(zip(when.seconds, readings.values, strict=True))
     error = scatter([time for time, _ in ordered], [value for _, value in ordered], top)
-    return read._replace(errors=[error] * len(read.values)), "estimated"
+    return readings._replace(errors=[error] * len(readings.values)), "estimated"
 
 
 def _understood(
     sheet: CurveSheet,
     table: Table,
     layout: Layout,
-    found: Points,
+    written: Points,
     when: Times,
-    read: Values,
+    readings: Values,
     errors: str,
     mark: str,
 ) -> Understood:
-    """How the file was read, of readings in the order of their times."""
+    """Record of how the file was read; its readings are in the order of their times."""
     named = [one.named for one in layout.readings]
     time = " and ".join(shown(one.named) for one in (layout.date, layout.time) if one)
     used: dict[str, str] = {"time": time, layout.readings[0].role: " and ".join(map(shown, named))}
     if layout.errors:
         used[ERROR] = " and ".join(shown(one.named) for one in layout.errors)
-    told = [second / TIME_UNITS[when.unit] for second in (when.seconds[0], when.seconds[-1])]
+    first, last = (when.seconds[place] / TIME_UNITS[when.unit] for place in (0, -1))
     return Understood(
         file=sheet.file,
         read_as=table.facts | ({"decimal": "decimal commas"} if mark == "," else {}),
         columns=used,
-        observable=read.observable,
+        observable=readings.observable,
         time_form=when.form,
         time_unit=when.unit,
-        unit=read.unit,
-        readings=len(read.values),
-        first=(told[0], read.values[0]),
-        last=(told[1], read.values[-1]),
+        unit=readings.unit,
+        readings=len(readings.values),
+        first=(first, readings.values[0]),
+        last=(last, readings.values[-1]),
         errors=errors,
-        standard_deviation=(min(read.errors), max(read.errors)),
+        standard_deviation=(min(readings.errors), max(readings.errors)),
         ignored_columns=tuple(one.named for one in layout.others),
-        left_out=tuple(found.left_out),
+        left_out=tuple(written.left_out),
         row_word=table.word,
     )

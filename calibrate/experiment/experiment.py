@@ -11,8 +11,7 @@ from jax.typing import ArrayLike
 from calibrate.experiment import plausibility
 from calibrate.experiment.consistency import odd_readings, refuse_a_file_twice, refuse_parameters
 from calibrate.experiment.free_parameters import FreeParameter, free_parameters
-from calibrate.experiment.readings.understood import Understood
-from calibrate.experiment.readings.velocity_understood import VelocitiesUnderstood
+from calibrate.experiment.readings.understood import FileUnderstood
 from calibrate.experiment.sample import Measurement as Measurement
 from calibrate.experiment.sample import Sample
 from calibrate.experiment.sample_reading import read_sample
@@ -83,13 +82,13 @@ class Experiment:
 
     @property
     def start(self) -> OrderedDict[str, float]:
-        """Where the search begins, by variable: the medians, unless told otherwise."""
+        """Start of the search, by variable: the medians, unless stated otherwise."""
         return OrderedDict((one.variable, one.start) for one in self.parameters)
 
     @property
-    def data_as_understood(self) -> dict[str, Understood | VelocitiesUnderstood]:
-        """How each file was read, by sample; that of its velocities has `velocities` behind it."""
-        files: dict[str, Understood | VelocitiesUnderstood] = {}
+    def data_as_understood(self) -> dict[str, FileUnderstood]:
+        """Records of how files were read, by sample; `A, velocities` for the table of sample A."""
+        files: dict[str, FileUnderstood] = {}
         for sample in self.samples:
             if sample.curve is not None:
                 files[sample.name] = sample.curve

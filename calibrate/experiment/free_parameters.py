@@ -106,7 +106,7 @@ class FreeParameter:
     """Width of the prior of x, in logarithms, about its value at the median; None without one."""
     bounds: tuple[float, float] | None = None
     begin: float | None = None
-    """Where the search begins; None for the median."""
+    """Start of the search; None for the median."""
 
     @property
     def variable(self) -> str:
@@ -115,7 +115,7 @@ class FreeParameter:
 
     @property
     def start(self) -> float:
-        """The x where the search begins."""
+        """Start of the search, as x."""
         return self._x(self.median if self.begin is None else self.begin)
 
     @property

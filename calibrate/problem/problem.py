@@ -107,7 +107,7 @@ class Problem:
 
     @property
     def start(self) -> OrderedDict[str, float]:
-        """Where the search begins, by variable, in the order of the experiment."""
+        """Start of the search, by variable, in the order of the experiment."""
         return self.experiment.start
 
     @property

@@ -119,14 +119,6 @@ def refuse_several_samples(table: Table, layout: Layout) -> None:
             first = first or name
 
 
-def has_readings(table: Table, stated: ColumnsSheet) -> bool:
-    """True if a table has columns of times and readings."""
-    try:
-        return bool(layout(table, stated).rows)
-    except InputError:
-        return False
-
-
 def _header(table: Table, stated: ColumnsSheet) -> tuple[Row | None, list[Row]]:
     """The header, which may be the last comment, and the rows below it."""
     names = _names(stated)

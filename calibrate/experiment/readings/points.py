@@ -6,7 +6,7 @@ from calibrate.experiment.readings import cells
 from calibrate.experiment.readings.cells import Cell
 from calibrate.experiment.readings.columns import Column, Layout
 from calibrate.experiment.readings.dates import is_clock, is_clock_or_date, is_date
-from calibrate.experiment.readings.table import Row, Table
+from calibrate.experiment.readings.table import Row, Table, refuse_wider
 from calibrate.experiment.units import READINGS, TIME
 from mrjax import InputError
 
@@ -29,8 +29,13 @@ class Points(NamedTuple):
     """Numbers of rows with an empty time or without any reading."""
 
 
-def points(table: Table, layout: Layout) -> Points:
+def points(table: Table, layout: Layout, date_format: str | None = None) -> Points:
     """The readings of a table; a row has one for each of its repeats.
+
+    Args:
+      table: rows of the file.
+      layout: the columns.
+      date_format: stated form of the times, which may look like none that is known.
 
     Raises:
       InputError: a row of more cells than the header, fewer than two readings, or a row without a
@@ -41,16 +46,12 @@ def points(table: Table, layout: Layout) -> Points:
     date = ""
     for row in layout.rows:
         at = table.at(row)
-        if row.width > layout.width:
-            raise InputError(
-                f"{at}: has {row.width} cells for {layout.width} columns; write decimals with a "
-                "point, or separate columns by semicolons"
-            )
+        refuse_wider(at, row, layout.width)
         if layout.date:
             date = row.cell(layout.date.place) or date  # one cell for all rows of a day
         time = _with_date(_cell(at, row, layout.time), date)
         filled = [one for one in layout.readings if not cells.is_missing(row.cell(one.place))]
-        if not cells.is_missing(time.text) and not _is_time(time.text):
+        if not date_format and not cells.is_missing(time.text) and not _is_time(time.text):
             raise time.refuse(
                 "is not a finite number, nor a time such as 01:30 or a date such as 2024-01-31; "
                 "mend the row, or begin it with # if it is a comment"

@@ -1,8 +1,12 @@
 """A file as rows of cells, each with its number in the file."""
 
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 from mrjax import InputError
+from mrjax.core.errors import shown
 
 MOST_CELLS = 1000
 """Columns beyond which a row is none of a curve."""
@@ -43,6 +47,68 @@ class Table(NamedTuple):
     def at(self, row: Row) -> str:
         """The place of a row, as messages name it."""
         return f"{self.path}, {self.word} {row.number}"
+
+
+def only_table(
+    tables: list[Table], has_readings: Callable[[Table], bool], path: Path, several: str, none: str
+) -> Table:
+    """The one table of a file that has readings.
+
+    Args:
+      tables: of the file, one at least.
+      has_readings: true of a table whose columns can be read; may raise InputError of another.
+      path: of the file, as messages name it.
+      several, none: what a message says that the file has, where it is not one.
+
+    Raises:
+      InputError: none of several has readings, or more than one.
+    """
+    if len(tables) == 1:
+        return tables[0]
+    readable = [one for one in tables if _passes(has_readings, one)]
+    if len(readable) == 1:
+        return readable[0]
+    names = ", ".join(shown(one.facts["sheet"]) for one in (readable or tables)[:4])
+    fault = several if readable else none
+    raise InputError(f"{path}: has {fault}: {names}; state sheet, or give each its header")
+
+
+def _passes(has_readings: Callable[[Table], bool], table: Table) -> bool:
+    try:
+        return has_readings(table)
+    except InputError:
+        return False
+
+
+def refuse_wider(at: str, row: Row, width: int) -> None:
+    """Refuses a row of more cells than there are columns.
+
+    Raises:
+      InputError: it has: its place and the remedy.
+    """
+    if row.width > width:
+        raise InputError(
+            f"{at}: has {row.width} cells for {width} columns; write decimals with a point, or "
+            "separate columns by semicolons"
+        )
+
+
+def refuse_some_errors(errors: Sequence[float], places: Sequence[str]) -> None:
+    """Refuses standard deviations that some rows have and others, NaN, have not.
+
+    Args:
+      errors: of the readings.
+      places: of their rows, as messages name them.
+
+    Raises:
+      InputError: it is so: the first row without one.
+    """
+    without = [at for error, at in zip(errors, places, strict=True) if math.isnan(error)]
+    if without and len(without) < len(errors):
+        raise InputError(
+            f"{without[0]}: has no standard_deviation, and other rows have; give it, or one for "
+            "all in the experiment file"
+        )
 
 
 def refuse_wide(at: str, cells: int, columns: int) -> None:

@@ -48,11 +48,6 @@ def times(column: Sequence[Cell], head: Heading, sheet: CurveSheet, mark: str) -
         return _of_dates(column, head, sheet)
     if dates.is_clock(first.text):
         return _of_clock(column, head, sheet)
-    if cells.number(first.text) is None:
-        raise first.refuse(
-            "is not a finite number, nor a time such as 01:30 or a date such as 2024-01-31; mend "
-            "the row, or begin it with # if it is a comment"
-        )
     return _of_numbers(column, head, sheet, mark)
 
 

@@ -1,4 +1,4 @@
-"""What was understood of a file: one line for people, and a table for `fit.json`."""
+"""Records of how files were read: one line for people, and a table for `fit.json`."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -9,52 +9,31 @@ MOST_NAMED = 5
 """Columns or rows that the line names."""
 
 
-@dataclass(frozen=True)
-class Understood:
-    """How a file of readings was read."""
+@dataclass(frozen=True, kw_only=True)
+class FileUnderstood:
+    """Record of how a file was read, whatever it holds."""
 
     file: str
-    """As the experiment has it."""
+    """Path of the file as the experiment has it."""
     read_as: dict[str, str]
     """Encoding and delimiter, or sheet, and decimal mark."""
     columns: dict[str, str]
     """Names in the header by what they hold; several repeats are joined."""
-    observable: str
-    """`mudline` or `sedimentation_ratio`."""
-    time_form: str
-    """How times are written: a unit, `hh:mm`, `hh:mm:ss`, `mm:ss` or `dates`."""
-    time_unit: str
-    """Unit in which times are told."""
-    unit: str
-    """Unit of the readings."""
     readings: int
-    first: tuple[float, float]
-    """Time and value of the first reading, in their units."""
-    last: tuple[float, float]
-    """Time and value of the last reading, in their units."""
+    """Number of readings."""
     errors: str
     """`stated` or `estimated`."""
-    standard_deviation: tuple[float, float]
-    """Least and greatest, in the unit of the readings."""
     ignored_columns: tuple[str, ...] = ()
+    """Names of columns that are not read."""
     left_out: tuple[int, ...] = ()
-    """Numbers of rows without a time or a reading."""
+    """Numbers of rows without a reading."""
     row_word: str = "line"
-    """What a row is called: `line` of a text, `row` of a workbook."""
+    """Word for a row: `line` of a text, `row` of a workbook."""
 
     @property
     def line(self) -> str:
         """The line for people."""
-        time, unit = self.time_unit, "" if self.unit == "1" else f" {self.unit}"
-        roles = [role for role in self.columns if role != "time"]
-        form = f"in {time}" if self.time_form == time else f"as {self.time_form}"
-        parts = [
-            f"{shown(self.file)} ({', '.join(self.read_as.values())}): time {form} from "
-            f"{self.columns['time']}, {self._reading(roles[0])} from {self.columns[roles[0]]}",
-            f"{self.readings} readings, {self.first[1]:.6g}{unit} at {self.first[0]:.6g} {time} to "
-            f"{self.last[1]:.6g}{unit} at {self.last[0]:.6g} {time}",
-            self._errors(unit),
-        ]
+        parts = [f"{shown(self.file)} ({', '.join(self.read_as.values())}): {self._read()}"]
         if self.ignored_columns:
             parts.append(f"not used: {some([shown(one) for one in self.ignored_columns])}")
         if self.left_out:
@@ -67,6 +46,41 @@ class Understood:
         """The entries of `fit.json`, with the line itself."""
         return asdict(self) | {"line": self.line}
 
+    def _read(self) -> str:
+        """Columns, first and last reading, and errors in words."""
+        raise NotImplementedError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Understood(FileUnderstood):
+    """Record of how the file of a curve was read."""
+
+    observable: str
+    """`mudline` or `sedimentation_ratio`."""
+    time_form: str
+    """Form of the times: a unit, `hh:mm`, `hh:mm:ss`, `mm:ss` or `dates`."""
+    time_unit: str
+    """Unit in which times are told."""
+    unit: str
+    """Unit of the readings."""
+    first: tuple[float, float]
+    """Time and value of the first reading, in their units."""
+    last: tuple[float, float]
+    """Time and value of the last reading, in their units."""
+    standard_deviation: tuple[float, float]
+    """Least and greatest standard deviation, in the unit of the readings."""
+
+    def _read(self) -> str:
+        time, unit = self.time_unit, "" if self.unit == "1" else f" {self.unit}"
+        roles = [role for role in self.columns if role != "time"]
+        form = f"in {time}" if self.time_form == time else f"as {self.time_form}"
+        return (
+            f"time {form} from {self.columns['time']}, {self._reading(roles[0])} from "
+            f"{self.columns[roles[0]]}; {self.readings} readings, {self.first[1]:.6g}{unit} at "
+            f"{self.first[0]:.6g} {time} to {self.last[1]:.6g}{unit} at {self.last[0]:.6g} {time}; "
+            f"standard deviation {between(self.standard_deviation, unit)}, {self.errors}"
+        )
+
     def _reading(self, role: str) -> str:
         """What the readings are, in their unit."""
         unit = " as a ratio" if self.unit == "1" else f" in {self.unit}"
@@ -74,10 +88,11 @@ class Understood:
             return f"mudline{unit} as height less supernatant"
         return f"{role}{unit}"
 
-    def _errors(self, unit: str) -> str:
-        least, most = (f"{one:.3g}" for one in self.standard_deviation)
-        between = f"{least}{unit}" if least == most else f"{least} to {most}{unit}"
-        return f"standard deviation {between}, {self.errors}"
+
+def between(ends: tuple[float, float], unit: str) -> str:
+    """Least and greatest of some numbers in words, once where they are the same."""
+    least, most = (f"{one:.3g}" for one in ends)
+    return f"{least}{unit}" if least == most else f"{least} to {most}{unit}"
 
 
 def some(names: list[str]) -> str:

@@ -9,6 +9,7 @@ from calibrate.experiment.readings.cells import Cell
 from calibrate.experiment.readings.columns import Column, Layout
 from calibrate.experiment.readings.points import Point
 from calibrate.experiment.readings.sheet import CurveSheet
+from calibrate.experiment.readings.table import refuse_some_errors
 from calibrate.experiment.units import (
     HEIGHT_UNITS,
     RATIO_UNITS,
@@ -166,12 +167,7 @@ def _errors(
                 "error of the reading"
             )
         errors.append(error)
-    without = [point for point, one in zip(points, errors, strict=True) if math.isnan(one)]
-    if without and len(without) < len(points):
-        raise InputError(
-            f"{without[0].reading.at}: has no standard_deviation, and other rows have; give it, or "
-            "one for all in the experiment file"
-        )
+    refuse_some_errors(errors, [point.reading.at for point in points])
     return errors
 
 

@@ -17,11 +17,16 @@ from calibrate.experiment.readings import cells, concentrations, decimals, rows
 from calibrate.experiment.readings.cells import Cell
 from calibrate.experiment.readings.concentrations import kind_of
 from calibrate.experiment.readings.sheet import VelocitiesSheet
-from calibrate.experiment.readings.table import Row, Table
+from calibrate.experiment.readings.table import (
+    Row,
+    Table,
+    only_table,
+    refuse_some_errors,
+    refuse_wider,
+)
 from calibrate.experiment.readings.velocity_columns import (
     VelocityColumn,
     VelocityLayout,
-    has_velocities,
     layout,
     named_quantity,
 )
@@ -73,7 +78,13 @@ def read(
     Raises:
       InputError: the file, its header or a row cannot be used: the file, the line and the remedy.
     """
-    table = _of_velocities(rows.tables(sheet, folder), sheet, folder / sheet.file)
+    table = only_table(
+        rows.tables(sheet, folder),
+        lambda one: bool(layout(one, sheet).rows),
+        folder / sheet.file,
+        "several sheets of velocities",
+        "no sheet with concentration and velocity",
+    )
     found = layout(table, sheet)
     kind, unit, quantity = _kind(found, sheet), _unit(found, sheet), _quantity(found, sheet)
     mark = decimals.decimal_mark(_cells(table, found), table.delimiter, sheet.decimal)
@@ -98,19 +109,11 @@ def read(
             f"{table.path}: has {len(readings)} rows of numbers; give at least {FEWEST} with a "
             f"concentration and a {quantity}"
         )
-    _refuse_some_errors(readings, table)
+    refuse_some_errors(
+        [one.error for one in readings], [table.at(Row(one.row, [])) for one in readings]
+    )
     told = _understood(sheet, table, found, readings, kind, unit, quantity, tuple(left_out), mark)
     return Velocities(readings, VelocityUnit(unit.name), kind, told)
-
-
-def _of_velocities(tables: list[Table], sheet: VelocitiesSheet, path: Path) -> Table:
-    """The one table of a file that has concentrations and velocities."""
-    found = [one for one in tables if has_velocities(one, sheet)]
-    if len(tables) == 1 or len(found) == 1:
-        return (found or tables)[0]
-    names = ", ".join(shown(one.facts["sheet"]) for one in (found or tables)[:4])
-    fault = "several sheets of velocities" if found else "no sheet with concentration and velocity"
-    raise InputError(f"{path}: has {fault}: {names}; state sheet, or give each its header")
 
 
 def _kind(found: VelocityLayout, sheet: VelocitiesSheet) -> str:
@@ -183,11 +186,7 @@ def _of_row(
     table: Table, row: Row, found: VelocityLayout, mark: str
 ) -> list[tuple[float, float, float]]:
     """Concentration, reading and error, NaN without one, of each repeat; [] of a row without."""
-    if row.width > found.width:
-        raise InputError(
-            f"{table.at(row)}: has {row.width} cells for {found.width} columns; write decimals "
-            "with a point, or separate columns by semicolons"
-        )
+    refuse_wider(table.at(row), row, found.width)
     concentration = _cell(table, row, found.concentration)
     readings = [_cell(table, row, one) for one in found.readings]
     readings = [one for one in readings if not cells.is_missing(one.text)]
@@ -236,16 +235,6 @@ def _above_zero(cell: Cell, mark: str) -> float:
     return value
 
 
-def _refuse_some_errors(readings: list[Velocity], table: Table) -> None:
-    """Refuses errors that some rows have and others have not."""
-    without = [one for one in readings if math.isnan(one.error)]
-    if without and len(without) < len(readings):
-        raise InputError(
-            f"{table.at(Row(without[0].row, []))}: has no standard_deviation, and other rows have; "
-            "give it, or one for all in the experiment file"
-        )
-
-
 def _understood(
     sheet: VelocitiesSheet,
     table: Table,
@@ -257,7 +246,7 @@ def _understood(
     left_out: tuple[int, ...],
     mark: str,
 ) -> VelocitiesUnderstood:
-    """How the file was read."""
+    """Record of how the file was read."""
     errors = [one.error for one in readings]
     return VelocitiesUnderstood(
         file=sheet.file,

@@ -86,14 +86,6 @@ def layout(table: Table, sheet: VelocitiesSheet) -> VelocityLayout:
     return VelocityLayout(concentrations[0], readings, error, others, width, rows, at)
 
 
-def has_velocities(table: Table, sheet: VelocitiesSheet) -> bool:
-    """True if a table has columns of concentrations and velocities."""
-    try:
-        return bool(layout(table, sheet).rows)
-    except InputError:
-        return False
-
-
 def _header(table: Table, sheet: VelocitiesSheet) -> tuple[Row | None, list[Row]]:
     """The header, which may be the last comment, and the rows below it."""
     beginning = table.rows[:LOOKED_AT]

@@ -6,6 +6,7 @@ A mudline of 760, 701 and 656 mm after 0, 1 and 2 minutes, written in many ways.
 import numpy as np
 import pytest
 
+import mrjax
 from calibrate.experiment import curve
 from calibrate.experiment.curve import CurveSheet
 
@@ -267,6 +268,15 @@ def test_a_date_may_stand_once_for_all_rows_of_its_day(tmp_path):
     rows = "2024-02-01,9:00,760\n,21:00,701\n2024-02-03,9:00,690\n,10:00,656\n"
     content = f"date,time,h (mm)\n{rows}"
     assert read(tmp_path, content).times == [0.0, 12 * HOUR, 48 * HOUR, 49 * HOUR]
+
+
+def test_a_stated_format_may_look_like_no_date(tmp_path):
+    """Nor need it be one that is found."""
+    content = "time;h (mm)\n20240131 2200;760\n20240201 0100;701\n"
+    found = read(tmp_path, content, date_format="%Y%m%d %H%M")
+    assert found.times == [0.0, 3 * HOUR] and found.understood.time_form == "dates"
+    with pytest.raises(mrjax.InputError, match=r"line 3: time = '0100' is not as date_format says"):
+        read(tmp_path, content.replace("20240201 ", ""), date_format="%Y%m%d %H%M")
 
 
 def test_long_times_are_told_in_long_units(tmp_path):
