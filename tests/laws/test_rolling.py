@@ -12,7 +12,22 @@ from hypothesis import strategies as st
 from jax import lax
 
 from mrjax.laws import normal, rolling
-from tests.builders.tangents import ACROSS, ALONG, STILL, length, vectors
+from tests.builders.tangents import (
+    ACROSS,
+    ALONG,
+    BETWEEN,
+    STILL,
+    check_central_differences,
+    check_finite,
+    closed_path,
+    derivatives,
+    kept_share,
+    length,
+    steps,
+    to_and_fro,
+    vectors,
+    work_of_a_cycle,
+)
 
 EXACT = 1e-13  # a handful of roundings in double precision
 near = partial(pytest.approx, rel=EXACT, abs=0.0)  # its own abs passes all within 1e-12
@@ -144,16 +159,11 @@ def along(path, time_step, damping):
     return lax.scan(step, jnp.zeros(3), jnp.diff(path, axis=0))[1]
 
 
-steps = st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)), min_size=24, max_size=24)
-
-
 @settings(deadline=None)
 @given(steps, st.sampled_from([0.1, 1.0, 5.0]), st.sampled_from([0.0, 0.2, 2.0]))
 def test_closed_cycles_dissipate(steps, size, damping):
     """Along any closed path; the torque of each step acts along it, as in a run."""
-    changes = size * np.array(steps)
-    changes = np.concatenate([changes, -changes.sum(axis=0, keepdims=True)])
-    path = np.concatenate([np.zeros((1, 2)), np.cumsum(changes, axis=0)]) @ [ALONG, ACROSS]
+    path = closed_path(steps, size)
     torque, kept = along(path, 0.1, damping)
     work = float(jnp.sum(torque * np.diff(path, axis=0)))
     stored = 0.5 * STIFFNESS * float(kept[-1] @ kept[-1])
@@ -164,11 +174,9 @@ def test_hysteresis_of_a_rolling_cycle():
     """To and fro by +-A: 4 M (A - M / k_r) is lost in every cycle, M the limit."""
     yields = LIMIT / STIFFNESS
     farthest = 3.2 * yields
-    there = np.linspace(-farthest, farthest, 129)  # the contact yields at points of this path
-    path = np.concatenate([there, there[-2::-1], there[1:], there[-2::-1]])
+    path = to_and_fro(farthest)
     torque = np.asarray(along(path[:, None] * ALONG, 1.0, 0.0)[0] @ ALONG)
-    cycle = torque[-257:]  # after the first leg and its return: steady
-    work = 0.5 * (cycle[1:] + cycle[:-1]) @ np.diff(path)[-256:]
+    work = work_of_a_cycle(torque, path)
     assert work == near(-4 * LIMIT * (farthest - yields), rel=1e-12)
 
 
@@ -193,24 +201,9 @@ def law(point):
     return jnp.stack([*torque, *kept])
 
 
-def weighed(point):
-    """One number that no component of the law drops out of."""
-    return jnp.dot(jnp.asarray([1.0, 2.0, -3.0, 0.5, -0.7, 1.1], point.dtype), law(point))
-
-
 GLASS = (0.005, 100.0, 1.0, 25e9, 0.005, 0.0059, 2e-7, 1e-6)
 REDUCED = (1.0, 0.02, 0.01, 2.0, 0.5, 2.0, 0.7, 0.3)  # as within a run
-BETWEEN = (ALONG + ACROSS) / np.sqrt(2)
-DERIVATIVES = {
-    name: jax.jit(jax.vmap(of))
-    for name, of in {
-        "value": weighed,
-        "reverse": jax.grad(weighed),
-        "forward": jax.jacfwd(weighed),
-        "forward over reverse": jax.jacfwd(jax.grad(weighed)),
-        "forward over forward": jax.jacfwd(jax.jacfwd(weighed)),
-    }.items()
-}
+DERIVATIVES = derivatives(law)
 
 
 def points(units, dtype):
@@ -238,16 +231,7 @@ def points(units, dtype):
     ],
 )
 def test_first_and_second_derivatives_are_finite_everywhere(units, dtype):
-    at = points(units, dtype)
-    found = {name: of(at) for name, of in DERIVATIVES.items()}
-    for name, value in found.items():
-        assert value.dtype == at.dtype
-        assert jnp.isfinite(value).all(), name
-        assert (value[at[:, 6] < 0] == 0).all(), name
-    # Rounding, a thousand times over where terms cancel.
-    forward, reverse = found["forward"], found["reverse"]
-    rounding = 1e3 * jnp.finfo(dtype).eps * jnp.max(jnp.abs(forward), axis=0, keepdims=True)
-    assert (jnp.abs(forward - reverse) <= rounding).all()
+    check_finite(DERIVATIVES, points(units, dtype))
 
 
 # roll, rate (1/s), closing (m/s), friction, A, z and h_r: of every kind, away from the switches
@@ -267,14 +251,7 @@ def test_gradients_are_central_differences():
             for roll, rate, closing, mu, a, z, h in KINDS.values()
         ]
     )
-    kept = np.asarray(jax.jit(jax.vmap(law))(at)[:, 3:])
-    held = np.linalg.norm(kept, axis=1) / np.linalg.norm(at[:, :3], axis=1)
+    held = kept_share(law, at)
     np.testing.assert_array_less(held[[2, 4]], 0.9)  # those whose spring yields
     np.testing.assert_allclose(held[[0, 1, 3]], 1.0, rtol=EXACT)
-    value, gradient = DERIVATIVES["value"], DERIVATIVES["forward"](at)
-    step = 1e-6 * jnp.maximum(jnp.abs(at), 1e-2)
-    for axis in range(at.shape[1]):
-        change = jnp.zeros_like(at).at[:, axis].set(step[:, axis])
-        central = (value(at + change) - value(at - change)) / (2 * step[:, axis])
-        # Rounding over the step, 1e-17 / 1e-8, and truncation.
-        np.testing.assert_allclose(gradient[:, axis], central, rtol=1e-7, atol=1e-8)
+    check_central_differences(DERIVATIVES, at)

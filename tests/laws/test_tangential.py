@@ -12,7 +12,22 @@ from hypothesis import strategies as st
 from jax import lax
 
 from mrjax.laws import normal, tangential
-from tests.builders.tangents import ACROSS, ALONG, STILL, length, vectors
+from tests.builders.tangents import (
+    ACROSS,
+    ALONG,
+    BETWEEN,
+    STILL,
+    check_central_differences,
+    check_finite,
+    closed_path,
+    derivatives,
+    kept_share,
+    length,
+    steps,
+    to_and_fro,
+    vectors,
+    work_of_a_cycle,
+)
 
 EXACT = 1e-13  # a handful of roundings in double precision
 near = partial(pytest.approx, rel=EXACT, abs=0.0)  # its own abs passes all within 1e-12
@@ -223,11 +238,9 @@ def along(path, time_step, damping):
 def test_hysteresis_of_a_sliding_cycle():
     """To and fro by +-A: 4 mu F_n (A - mu F_n / K_t) is lost in every cycle."""
     farthest, yields = 16 / 24, 5 / 24
-    there = np.linspace(-farthest, farthest, 129)  # the contact yields at points of this path
-    path = np.concatenate([there, there[-2::-1], there[1:], there[-2::-1]])
+    path = to_and_fro(farthest)
     force = np.asarray(along(path[:, None] * ALONG, 1.0, 0.0)[0] @ ALONG)
-    cycle = force[-257:]  # after the first leg and its return: steady
-    work = 0.5 * (cycle[1:] + cycle[:-1]) @ np.diff(path)[-256:]
+    work = work_of_a_cycle(force, path)
     assert work == near(-4 * 5.0 * (farthest - yields), rel=1e-12)
 
 
@@ -241,16 +254,11 @@ def test_an_elastic_cycle_loses_nothing():
     assert abs(work) < 1e-4 * 0.5 * STIFFNESS * 0.1**2  # the first of 2000 steps left out
 
 
-steps = st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)), min_size=24, max_size=24)
-
-
 @settings(deadline=None)
 @given(steps, st.sampled_from([0.01, 0.1, 0.5]), st.sampled_from([0.0, 0.05, 1.0]))
 def test_closed_cycles_dissipate(steps, size, damping):
     """Along any closed path; the force of each step acts along it, as in a run."""
-    changes = size * np.array(steps)
-    changes = np.concatenate([changes, -changes.sum(axis=0, keepdims=True)])
-    path = np.concatenate([np.zeros((1, 2)), np.cumsum(changes, axis=0)]) @ [ALONG, ACROSS]
+    path = closed_path(steps, size)
     force, kept = along(path, 0.1, damping)
     work = float(jnp.sum(force * np.diff(path, axis=0)))
     stored = 0.5 * STIFFNESS * float(kept[-1] @ kept[-1])
@@ -283,7 +291,6 @@ def law(point):
 
 GLASS = (0.005, 1.0, 25e9, 5.6e9, 0.005, 0.0059, 1e-6)
 REDUCED = (1.0, 0.01, 2.0, 1.5, 0.5, 2.0, 0.3)  # as within a run
-BETWEEN = (ALONG + ACROSS) / np.sqrt(2)
 
 
 def points(units, dtype):
@@ -302,21 +309,7 @@ def points(units, dtype):
     return jnp.asarray(np.array(rows), dtype)
 
 
-def weighed(point):
-    """One number that no component of the law drops out of."""
-    return jnp.dot(jnp.asarray([1.0, 2.0, -3.0, 0.5, -0.7, 1.1], point.dtype), law(point))
-
-
-DERIVATIVES = {
-    name: jax.jit(jax.vmap(of))
-    for name, of in {
-        "value": weighed,
-        "reverse": jax.grad(weighed),
-        "forward": jax.jacfwd(weighed),
-        "forward over reverse": jax.jacfwd(jax.grad(weighed)),
-        "forward over forward": jax.jacfwd(jax.jacfwd(weighed)),
-    }.items()
-}
+DERIVATIVES = derivatives(law)
 
 
 @pytest.mark.parametrize(
@@ -328,17 +321,7 @@ DERIVATIVES = {
     ],
 )
 def test_first_and_second_derivatives_are_finite_everywhere(units, dtype):
-    at = points(units, dtype)
-    found = {name: of(at) for name, of in DERIVATIVES.items()}
-    apart = at[:, 6] < 0
-    for name, value in found.items():
-        assert value.dtype == at.dtype
-        assert jnp.isfinite(value).all(), name
-        assert (value[apart] == 0).all(), name
-    # Rounding, a thousand times over where terms cancel.
-    forward, reverse = found["forward"], found["reverse"]
-    rounding = 1e3 * jnp.finfo(dtype).eps * jnp.max(jnp.abs(forward), axis=0, keepdims=True)
-    assert (jnp.abs(forward - reverse) <= rounding).all()
+    check_finite(DERIVATIVES, points(units, dtype))
 
 
 # stretch, slip (m/s), closing (m/s), friction, A, B and z: of every kind, away from the switches
@@ -358,17 +341,10 @@ def test_gradients_are_central_differences():
             for stretch, slip, closing, mu, a, b, z in KINDS.values()
         ]
     )
-    kept = np.asarray(jax.jit(jax.vmap(law))(at)[:, 3:])
-    held = np.linalg.norm(kept, axis=1) / np.linalg.norm(at[:, :3], axis=1)
+    held = kept_share(law, at)
     np.testing.assert_array_less(held[[2, 4]], 0.9)  # those that slide
     np.testing.assert_allclose(held[[0, 1, 3]], 1.0, rtol=EXACT)
-    value, gradient = DERIVATIVES["value"], DERIVATIVES["forward"](at)
-    step = 1e-6 * jnp.maximum(jnp.abs(at), 1e-2)
-    for axis in range(at.shape[1]):
-        change = jnp.zeros_like(at).at[:, axis].set(step[:, axis])
-        central = (value(at + change) - value(at - change)) / (2 * step[:, axis])
-        # Rounding over the step, 1e-17 / 1e-8, and truncation.
-        np.testing.assert_allclose(gradient[:, axis], central, rtol=1e-7, atol=1e-8)
+    check_central_differences(DERIVATIVES, at)
 
 
 def test_without_a_dashpot_the_shorter_program_is_the_same():
