@@ -25,11 +25,7 @@ def start(*arguments, module="mrjax", folder: Path, environment=None) -> subproc
         stderr=subprocess.PIPE,
         text=True,
         cwd=folder,
-        env={
-            **ENVIRONMENT,
-            "JAX_PLATFORMS": "cpu",
-            "JAX_COMPILATION_CACHE_DIR": COMPILED.name,
-        }
+        env={**ENVIRONMENT, "JAX_PLATFORMS": "cpu", "JAX_COMPILATION_CACHE_DIR": COMPILED.name}
         | (environment or {}),
     )
 

@@ -49,7 +49,13 @@ def measured(experiment: str, model: str, by: str, sets: Sequence[int]) -> list[
         random = np.random.default_rng(number)
         truth, exact = _drawn(problem, random)
         data = exact + errors * random.standard_normal(errors.size)
-        found = fit(problem.residuals, problem.start, priors=problem.priors, data=data)
+        found = fit(
+            problem.residuals,
+            problem.start,
+            priors=problem.priors,
+            bounds=problem.bounds,
+            data=data,
+        )
         for name, intervals in _intervals(found, by).items():
             rows.append(
                 {
