@@ -156,8 +156,7 @@ def cli(
         calibration = calibrate.run(
             loaded, **asked.keywords, checkpoint=checkpoint, progress=not quiet
         )
-        calibration.write(folder, pdf=pdf, progress=not quiet)
-        result = calibration.tables()
+        result = calibration.write(folder, pdf=pdf, progress=not quiet)
     if as_json:
         click.echo(files.as_json(result, ascii_only=True))
     elif not quiet:

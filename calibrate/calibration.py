@@ -93,7 +93,7 @@ class Calibration:
     identification: Identification
     """Values and combinations that the data determine."""
     predictions: np.ndarray
-    """What the fit predicts, each in the unit of its measurement, (M,)."""
+    """Predicted values at the end of the fit, each in the unit of its measurement, (M,)."""
     profiles: tuple[Profile, ...] = ()
     """None where the fit did not converge."""
     unchanged: tuple[str, ...] = ()
@@ -138,7 +138,7 @@ class Calibration:
         }
 
     def _contact_notes(self) -> list[str]:
-        """What was assumed for samples whose particles were run."""
+        """Assumptions for the samples whose particles were run."""
         return [
             f"sample {sample.name}: {note}"
             for sample in self.experiment.samples
@@ -146,13 +146,18 @@ class Calibration:
             for note in sample.recipe.contact_notes
         ]
 
-    def write(self, folder: str | Path, *, pdf: bool = False, progress: bool = False) -> None:
+    def write(
+        self, folder: str | Path, *, pdf: bool = False, progress: bool = False
+    ) -> dict[str, Any]:
         """Writes `fit.json`, the report and its figures.
 
         Args:
           folder: for them; made if need be.
           pdf: whether to write figures as PDF, too.
           progress: whether to show a progress bar, on standard error.
+
+        Returns:
+          `tables`, as written.
 
         Raises:
           SystemRefusal: the system refuses a file.
@@ -161,6 +166,7 @@ class Calibration:
         drawn = figures.figures(self.problem, self.fit, result, self.profiles, self.posterior)
         text = report.markdown(self.experiment.name, result["model"], result, drawn)
         report.write(folder, text, result, drawn, pdf, progress=progress)
+        return result
 
 
 def run(
@@ -237,11 +243,11 @@ def run(
     held = profiles(fit, progress, free) if fit.converged else ()
     identified = identify(fit)
     unchanged = unchanged_at_a_distance(fit, identified) if fit.converged else ()
-    found = Calibration(
+    calibration = Calibration(
         experiment, options, problem, fit, identified, predictions, held, unchanged=unchanged
     )
-    found = _with_what_is_asked(found, folders, progress)
-    return replace(found, wall_seconds=time.perf_counter() - began)
+    calibration = _with_what_is_asked(calibration, folders, progress)
+    return replace(calibration, wall_seconds=time.perf_counter() - began)
 
 
 def _with_what_is_asked(

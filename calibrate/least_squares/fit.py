@@ -37,7 +37,7 @@ from calibrate.least_squares.programs import (
     recalled,
     remembered,
 )
-from calibrate.least_squares.search import search
+from calibrate.least_squares.search import Searched, search
 from calibrate.least_squares.unknowns import Unknowns, unknowns
 from mrjax.core.promotion import relaxed_promotion
 from mrjax.io.checkpoint import Checkpoint, refuse_foreign
@@ -190,11 +190,11 @@ def fit(
             many = over_starts(lambda logs: programs.linearised(logs, given), len(each))
             linear = keeping("jacobians", many)
         evaluator = Evaluator(asked, given, unknown.box, bar)
-        valleys, losses, runs = search(programs, evaluator, each, linear, optimizer, search_steps)
-        end = _end(evaluator, valleys, each[0], finish_steps)
+        searched = search(programs, evaluator, each, linear, optimizer, search_steps)
+        end = _end(evaluator, _with_what_was_left(evaluator, searched), each[0], finish_steps)
     return Fit(
-        **_at_the_end(end, unknown, count, losses),
-        model_runs=runs + end.model_runs,
+        **_at_the_end(end, unknown, count, searched.losses),
+        model_runs=searched.runs + end.model_runs,
         places=len(each),
         robust=robust,
         everything=programs.traceable,
@@ -216,6 +216,19 @@ class _End(NamedTuple):
     def optima(self, count: int) -> tuple[Optimum, ...]:
         """All of them; the first `count` residuals are of measurements."""
         return tuple(optimum(end, count) for end in (self.best, *self.others))
+
+
+def _with_what_was_left(evaluator: Evaluator, searched: Searched) -> np.ndarray:
+    """Ends of searches, (S, P), and the places on their way that are better than these.
+
+    Rounding hides what a step promises at an optimum, and a search goes on from there.
+    """
+    left = [
+        best
+        for end, best, least in zip(searched.ends, searched.best, searched.least, strict=True)
+        if least < evaluator.at(end).loss
+    ]
+    return np.vstack([searched.ends, *left])
 
 
 def _end(evaluator: Evaluator, each: np.ndarray, start: np.ndarray, most_steps: int) -> _End:

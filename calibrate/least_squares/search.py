@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -23,6 +23,21 @@ HOPELESS = 1e-6
 """Distance in logarithms to where a prediction was possible at which a start is given up."""
 
 
+class Searched(NamedTuple):
+    """Where searches end, and what they met on their way."""
+
+    ends: np.ndarray
+    """Logarithms, (S, P)."""
+    best: np.ndarray
+    """Logarithms of the least loss of each, (S, P): a search may leave it."""
+    least: np.ndarray
+    """Half the sum of squares there, (S,)."""
+    losses: list[float]
+    """The best of all before each step."""
+    runs: int
+    """Runs of the model."""
+
+
 def search(
     programs: Programs,
     evaluator: Evaluator,
@@ -30,7 +45,7 @@ def search(
     linear: Callable,
     optimizer: optax.GradientTransformationExtraArgs,
     most_steps: int,
-) -> tuple[np.ndarray, list[float], int]:
+) -> Searched:
     """Optax over logarithms until each is in a valley, where Gauss-Newton steps are to be trusted.
 
     Args:
@@ -40,9 +55,6 @@ def search(
       linear: Jacobian and residuals of all of them.
       optimizer: one step of each search.
       most_steps: at most.
-
-    Returns:
-      where they end, (S, P), the best loss before each step, and the runs of the model.
     """
     state = jax.jit(jax.vmap(optimizer.init))(each)
     losses: list[float] = []
@@ -61,11 +73,15 @@ def search(
 
     update = over_starts(jax.jit(updated), len(each))
     in_valley = np.zeros(len(each), bool)
+    best, least = each.copy(), np.full(len(each), np.inf)
     usable = each.copy()  # where something could be predicted last, or Gauss-Newton leads
     for _ in range(most_steps):
         jacobian, value = linear(each)
         runs += int((~in_valley).sum())
-        losses.append(min(losses[-1:] + [half_square(one) for one in value]))
+        loss = np.array([half_square(one) for one in value])
+        lower = loss < least
+        best[lower], least[lower] = each[lower], loss[lower]
+        losses.append(float(least.min()))
         evaluator.tell("search", losses[-1])
         finite = np.array([is_finite(*one) for one in zip(jacobian, value, strict=True)])
         lost = ~finite & ~in_valley
@@ -84,7 +100,7 @@ def search(
         moved, next_state = update(each, state, value, jacobian)
         state = jax.tree.map(partial(_where, moving), next_state, state)
         each = evaluator.box.clip(_where(moving, moved, _where(lost, back, usable)))
-    return usable, losses, runs
+    return Searched(usable, best, least, losses, runs)
 
 
 def _where(rows: np.ndarray, new: np.ndarray, old: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from calibrate.experiment.units import CURVES, TIME_UNITS
@@ -51,30 +52,12 @@ def _is_alone(one: dict[str, Any]) -> bool:
 def velocities_figure(result: dict[str, Any]) -> Figure:
     """Measured and predicted velocities against volume fraction, with two standard errors."""
     rows = [one for one in result["predictions"] if "concentration" in one]
-    names = list(dict.fromkeys(one["sample"] for one in rows))
-    figure = Figure(figsize=(COLUMN * len(names), 2.4), layout="constrained")
-    for axes, name in zip(figure.subplots(1, len(names), squeeze=False)[0], names, strict=True):
-        of_sample = [one for one in rows if one["sample"] == name]
+    figure, panels = _panels(rows)
+    for axes, of_sample in panels:
         of_sample.sort(key=lambda one: one["volume_fraction"])
         fractions = [one["volume_fraction"] for one in of_sample]
-        axes.errorbar(
-            fractions,
-            [one["measured"] for one in of_sample],
-            [one["sigma"] for one in of_sample],
-            fmt="o",
-            ms=3,
-            color="black",
-            capsize=2,
-            label="measured",
-        )
-        predicted = np.array([one["predicted"] for one in of_sample])
-        spread = 2.0 * np.array([one["predicted_error"] for one in of_sample])
-        axes.plot(fractions, predicted, color="0.4", label="predicted")
-        if np.isfinite(spread).all():
-            low = np.maximum(predicted - spread, 0.5 * predicted)  # on an axis of logarithms
-            axes.fill_between(fractions, low, predicted + spread, color="0.85", zorder=0)
         axes.set_yscale("log")
-        axes.set_title(f"sample {in_figure(name)}")
+        _draw(axes, fractions, of_sample, least=0.5)
         axes.set_xlabel("volume fraction")
         axes.set_ylabel(f"initial velocity, {of_sample[0]['unit']}")
     axes.legend()
@@ -85,27 +68,10 @@ def velocities_figure(result: dict[str, Any]) -> Figure:
 def curves_figure(result: dict[str, Any]) -> Figure:
     """Measured curves with their errors, and predicted ones with a band of two standard errors."""
     rows = [one for one in result["predictions"] if one["observable"] in CURVES]
-    names = list(dict.fromkeys(one["sample"] for one in rows))
-    figure = Figure(figsize=(COLUMN * len(names), 2.4), layout="constrained")
-    for axes, name in zip(figure.subplots(1, len(names), squeeze=False)[0], names, strict=True):
-        of_sample = [one for one in rows if one["sample"] == name]
+    figure, panels = _panels(rows)
+    for axes, of_sample in panels:
         days = [one["time_s"] / TIME_UNITS["day"] for one in of_sample]
-        axes.errorbar(
-            days,
-            [one["measured"] for one in of_sample],
-            [one["sigma"] for one in of_sample],
-            fmt="o",
-            ms=3,
-            color="black",
-            capsize=2,
-            label="measured",
-        )
-        predicted = np.array([one["predicted"] for one in of_sample])
-        spread = 2.0 * np.array([one["predicted_error"] for one in of_sample])
-        axes.plot(days, predicted, color="0.4", label="predicted")
-        if np.isfinite(spread).all():
-            axes.fill_between(days, predicted - spread, predicted + spread, color="0.85", zorder=0)
-        axes.set_title(f"sample {in_figure(name)}")
+        _draw(axes, days, of_sample)
         axes.set_xlabel("time, days")
         unit = of_sample[0]["unit"]
         what = spelled(of_sample[0]["observable"])
@@ -113,6 +79,44 @@ def curves_figure(result: dict[str, Any]) -> Figure:
         axes.set_ylim(bottom=0.0)
     axes.legend()
     return figure
+
+
+def _panels(rows: list[dict[str, Any]]) -> tuple[Figure, list[tuple[Axes, list[dict[str, Any]]]]]:
+    """A figure with axes for each sample, and the predictions that belong there."""
+    names = list(dict.fromkeys(one["sample"] for one in rows))
+    figure = Figure(figsize=(COLUMN * len(names), 2.4), layout="constrained")
+    every = figure.subplots(1, len(names), squeeze=False)[0]
+    for axes, name in zip(every, names, strict=True):
+        axes.set_title(f"sample {in_figure(name)}")
+    of_each = [[one for one in rows if one["sample"] == name] for name in names]
+    return figure, list(zip(every, of_each, strict=True))
+
+
+def _draw(axes: Axes, at: list[float], rows: list[dict[str, Any]], least: float = -np.inf) -> None:
+    """Measured values with their errors, predicted ones with a band of two standard errors.
+
+    Args:
+      axes: where to.
+      at: place of each along the axis.
+      rows: predictions, as `fit.json` has them.
+      least: lower end of the band, as a share of the prediction: on an axis of logarithms above 0.
+    """
+    axes.errorbar(
+        at,
+        [one["measured"] for one in rows],
+        [one["sigma"] for one in rows],
+        fmt="o",
+        ms=3,
+        color="black",
+        capsize=2,
+        label="measured",
+    )
+    predicted = np.array([one["predicted"] for one in rows])
+    spread = 2.0 * np.array([one["predicted_error"] for one in rows])
+    axes.plot(at, predicted, color="0.4", label="predicted")
+    if np.isfinite(spread).all():
+        low = np.maximum(predicted - spread, least * predicted)
+        axes.fill_between(at, low, predicted + spread, color="0.85", zorder=0)
 
 
 @STYLE

@@ -65,3 +65,19 @@ def test_a_start_with_nothing_to_come_back_to_is_given_up_at_once():
     fit = calibrate.fit(lambda theta: jnp.log(theta["a"] - 10.0)[None], {"a": 5.0})
     assert not fit.converged
     assert len(fit.loss) == 2 and fit.model_runs < 5
+
+
+def test_a_fit_is_no_worse_than_any_place_that_its_search_met():
+    """It begins in a narrow valley, which a step of the search leaves for a wide one."""
+
+    def narrow_and_wide(theta):
+        log = jnp.log(theta["a"])
+        narrow = 20.0 * (1.0 - jnp.exp(-0.5 * ((log + 1.0) / 0.01) ** 2))
+        return jnp.stack([narrow, 0.5 * (log - 1.0)])
+
+    start = {"a": np.exp(-1.0 + 1e-5)}
+    begun = np.asarray(narrow_and_wide(start))
+    fit = calibrate.fit(narrow_and_wide, start)
+    assert fit.loss[-1] <= 0.5 * begun @ begun
+    assert np.log(fit.values[0]) == pytest.approx(-1.0, abs=0.01)
+    assert fit.loss[-1] == fit.loss.min()
