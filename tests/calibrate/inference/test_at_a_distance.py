@@ -27,7 +27,14 @@ def lost(theta):
     return jnp.where(theta["a"] < 3.0, product(theta), jnp.nan)
 
 
-@pytest.mark.parametrize("residuals, unchanged", [(product, True), (bent, False), (lost, False)])
+def lost_below(theta):
+    """Nothing is predicted where a is small."""
+    return jnp.where(theta["a"] > 1.0, product(theta), jnp.nan)
+
+
+@pytest.mark.parametrize(
+    "residuals, unchanged", [(product, True), (bent, False), (lost, False), (lost_below, False)]
+)
 def test_no_prediction_changes_where_none_does_at_a_distance(residuals, unchanged):
     fit = calibrate.fit(residuals, START)
     found = calibrate.identify(fit)
