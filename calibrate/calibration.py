@@ -57,7 +57,7 @@ class Options:
 
     @property
     def keywords(self) -> dict[str, Any]:
-        """The same as keywords of `run`."""
+        """Keywords of `run`, by name."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
     @property

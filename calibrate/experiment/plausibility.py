@@ -18,14 +18,15 @@ from mrjax import InputError, Recipe, terminal_velocity
 ERRORS = 3.0
 """Standard deviations by which a reading may be off."""
 SHARE = 0.02
-"""Of the height: as much is not refused at the start, nor of readings without a stated error."""
+"""Share of the height that is not refused at the start, nor of readings without a stated error."""
 ABSURD = 1e3
 """Factor on the speed that the recipe gives beyond which it is rather another unit."""
 FASTER_AT_FIRST = 100.0
-"""How many times faster than a single particle a suspension may fall before its first reading."""
+"""Factor on the speed of a single particle up to which a suspension may fall before its first
+reading."""
 
 WAITED = 5.0
-"""How many times `SHARE` a mudline would have fallen before its first reading, as fast as after."""
+"""Fall before the first reading, as fast as after it, in times of `SHARE`, that is odd."""
 
 
 class Readings(NamedTuple):
@@ -55,7 +56,7 @@ class Readings(NamedTuple):
 
     @property
     def tube(self) -> str:
-        """What gives the height that a reading is compared with: `height`, or also the diameter."""
+        """Keys of the height that a reading is compared with: `height`, or also the diameter."""
         of_volume = self.curve[0].unit in VOLUME_UNITS
         return "tube_diameter or height" if of_volume else "height"
 

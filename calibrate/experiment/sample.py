@@ -15,9 +15,9 @@ class Concentration(NamedTuple):
     value: float
     """As its file has it."""
     kind: str
-    """What it is, one of `concentrations.KINDS`."""
+    """Kind of the concentration, one of `concentrations.KINDS`."""
     volume_fraction: float
-    """Of the uncoated particles; 1."""
+    """Volume fraction of the uncoated particles; 1."""
     place: int
     """Place of its volume fraction among those of the sample."""
 
@@ -64,7 +64,7 @@ class Measurement(NamedTuple):
     row: int | None = None
     """Row of its file."""
     concentration: Concentration | None = None
-    """Of a velocity of a table; None of what was measured on the sample as it is."""
+    """Concentration of a velocity of a table; None of what was measured on the sample as it is."""
 
 
 @dataclass(frozen=True)
@@ -87,11 +87,11 @@ class Sample:
     times: tuple[float, ...] = ()
     """Times of its curve, increasing, (T,) in s; several readings may be of one."""
     curve: Understood | None = None
-    """How the file of its curve was read."""
+    """Record of how the file of its curve was read."""
     fractions: tuple[float, ...] = ()
     """Volume fractions of uncoated particles at which velocities were measured, (K,)."""
     velocities: VelocitiesUnderstood | None = None
-    """How the file of its velocities was read."""
+    """Record of how the file of its velocities was read."""
     scatter: Scatter | None = None
     """Scatter of those velocities where no error is stated."""
 

@@ -1,4 +1,4 @@
-"""What a Jacobian says of a fit's surroundings, asked again far from it.
+"""Null directions of a Jacobian, asked again far from the fit.
 
 A null direction of the Jacobian is local: along it predictions do not change near the fit. That
 they do not change at all is said where they were computed again at a distance.

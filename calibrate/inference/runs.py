@@ -26,7 +26,7 @@ class RunsTest(NamedTuple):
     readings: int
     runs: int
     p_value: float
-    """How often noise has as few runs."""
+    """Probability that noise has as few runs."""
 
 
 def runs_tests(problem: Problem, fit: Fit) -> list[RunsTest]:

@@ -12,7 +12,8 @@ CONVERGED_BELOW = 1e-4
 0.01 standard deviations. A smooth model ends far below it, one with kinks may not."""
 
 SETTLED_BELOW = 0.1
-"""The same, at which it is an optimum that is told beside a better one: 0.3 standard deviations."""
+"""The same, below which an end is an optimum that is told beside a better one: 0.3 standard
+deviations."""
 
 
 def is_settled(end: Point, box: Bounds) -> bool:

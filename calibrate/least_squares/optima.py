@@ -16,7 +16,7 @@ deviations."""
 NEAR = 0.5
 """Distance in logarithms up to which like residuals are of one optimum."""
 RIDGE = 0.5
-"""How much greater the loss halfway between two optima is, at least: chi-squared by one."""
+"""Least rise of the loss halfway between two optima: chi-squared by one."""
 
 
 class Optimum(NamedTuple):

@@ -16,7 +16,7 @@ from mrjax.core.promotion import relaxed_promotion
 DRAWN = 128
 """Places that are looked at."""
 BEST, FIRST = 16, 31
-"""Those from which an optimum is looked for: the best, which may all be of one valley, and the
+"""Places from which an optimum is looked for: the best, which may all be of one valley, and the
 first, which are all over."""
 MOST_STEPS = 40
 """On the way to it."""

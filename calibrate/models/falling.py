@@ -19,10 +19,10 @@ RELAXATIONS = 40
 the fit ends at a drag 3 times smaller. The fall is exact at any step."""
 
 MARGIN = 10.0
-"""How much faster than expected the particles may fall before they could meet within a run."""
+"""Factor on the expected velocity up to which particles may fall and not meet within a run."""
 
 FEWEST_RELAXATIONS = 10.0
-"""Of a run that is asked for a velocity: the start is forgotten to 5e-5."""
+"""Length of a run that is asked for a velocity: the start is forgotten to 5e-5."""
 
 WITHOUT_CONTACTS = {
     "friction": 0.0,
@@ -31,7 +31,7 @@ WITHOUT_CONTACTS = {
     "dissipation": 0.0,
     "tangential_dissipation": 0.0,
 }
-"""Of particles that meet nothing."""
+"""Contact properties of particles that meet nothing."""
 
 Fall = Callable[[Suspension], Array]
 """From a suspension to its initial velocity, () in m/s."""

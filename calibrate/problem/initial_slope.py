@@ -13,9 +13,9 @@ from mrjax import terminal_velocity
 from mrjax.core.promotion import relaxed_promotion
 
 SHARE = 1.0 / 3.0
-"""Of a curve's fall, over which its slope is taken."""
+"""Share of a curve's fall over which its slope is taken."""
 STEPS = 4
-"""Of Newton's method: velocities are nearly powers of most quantities."""
+"""Steps of Newton's method: velocities are nearly powers of most quantities."""
 CERTAIN = 1e-6
 """Part of the largest velocity's spread below which one does not vary."""
 

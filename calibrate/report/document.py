@@ -91,7 +91,7 @@ def _verdict(result: dict[str, Any]) -> str:
 
 
 def _understood(result: dict[str, Any]) -> str:
-    """How each file was read."""
+    """Records of how files were read."""
     lines = [
         f"Sample {in_markdown(name)}: {in_markdown(one['line'])}.\n\n"
         for name, one in result["data_as_understood"].items()

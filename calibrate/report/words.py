@@ -20,7 +20,7 @@ class Language(NamedTuple):
 MARKDOWN = Language(in_markdown, in_code)
 
 AS_GOOD = 1.92
-"""How much greater the loss of an optimum is, at most, that 95 % of cases do not exclude."""
+"""Largest rise of the loss of an optimum that 95 % of cases do not exclude."""
 
 TERMINAL = Language(in_terminal, lambda name: f"`{in_terminal(name)}`")
 

@@ -1,4 +1,4 @@
-"""What a sheet leaves to be assumed: the properties of its liquid, and the box of its particles."""
+"""Assumptions for what a sheet leaves open: properties of its liquid, the box of its particles."""
 
 import math
 

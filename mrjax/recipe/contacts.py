@@ -1,4 +1,4 @@
-"""What only particles in contact use: moduli, and a box that holds some of them.
+"""Needs of particles in contact alone: moduli, and a box that holds some of them.
 
 A suspension as a whole, its drag and its velocity, can do without; a run of particles cannot.
 """
@@ -10,7 +10,7 @@ from mrjax.recipe.tables import MODULI, Coating, Particle
 
 
 def missing(recipe: Suspension) -> str | None:
-    """What a run of particles lacks, with its remedy; None if nothing."""
+    """The entry that a run of particles lacks, with its remedy; None if nothing."""
     table, surface = _surface(recipe)
     for key in MODULI:
         if getattr(surface, key) is None:

@@ -42,7 +42,7 @@ def _diameter(value: Any) -> float | Sizes:
 
 
 class Solid(Sheet):
-    """What a particle or its coating is made of."""
+    """The material of a particle or its coating."""
 
     density: float = Field(gt=0, le=1e5, description="the density in kg/m^3, above zero")
     elastic_modulus: float | None = Field(

@@ -26,7 +26,7 @@ class Number(NamedTuple):
     """A number as it is written, and the unit behind it."""
 
     written: str
-    """With its decimal mark."""
+    """Digits with their decimal mark."""
     unit: str
     """The word behind it, "" if there is none."""
 
@@ -37,7 +37,7 @@ class Cell(NamedTuple):
     at: str
     """The file and the line."""
     name: str
-    """What it is of, as messages say."""
+    """Name of its column, as messages have it."""
     text: str
 
     def refuse(self, fault: str) -> InputError:

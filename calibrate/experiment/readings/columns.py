@@ -31,7 +31,7 @@ class Column(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """What each column of a table holds, and the rows of readings."""
+    """Columns of a table by what they hold, and the rows of readings."""
 
     time: Column
     date: Column | None

@@ -18,7 +18,7 @@ from mrjax.recipe.plausibility import RANDOM_CLOSE_PACKING
 
 
 class Kind(NamedTuple):
-    """What a concentration is, and in which unit."""
+    """A kind of concentration, and its unit."""
 
     way: str
     """The key of a composition that states it."""

@@ -204,7 +204,7 @@ def _parsed(text: str, formats: list[str]) -> datetime | None:
 
 
 def _offset(zone: str) -> timedelta:
-    """Of a zone such as +01:00 from universal time."""
+    """Offset of a zone such as +01:00 from universal time."""
     if zone == "Z":
         return timedelta(0)
     sign = -1 if zone[0] == "-" else 1

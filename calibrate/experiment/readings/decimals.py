@@ -8,7 +8,7 @@ from calibrate.experiment.readings.cells import Cell
 from calibrate.experiment.readings.dates import is_clock_or_date
 
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
-"""What may be 1701 as well as 1.701."""
+"""Numbers that may be 1701 as well as 1.701."""
 
 
 def decimal_mark(numbers: Iterable[Cell], delimiter: str, stated: str | None) -> str:

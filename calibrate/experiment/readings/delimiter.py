@@ -16,7 +16,7 @@ STATED = {
     **{mark: mark for mark in NAMES},
     **{"comma": ",", "semicolon": ";", "tab": "\t", "\\t": "\t", "bar": "|", "space": " "},
 }
-"""What an experiment file may call each."""
+"""Delimiters by the words of an experiment file."""
 LOOKED_AT = 200
 """Lines by which a delimiter is found."""
 _WORDS = re.compile(r"[^\s(\[]+(?:\s*(?:\([^)]*\)|\[[^\]]*\]))?")

@@ -1,4 +1,4 @@
-"""What a cell of a header says: the role of its column, and the unit of what stands in it."""
+"""Cells of a header: the role of a column, and the unit of what stands in it."""
 
 import re
 import unicodedata

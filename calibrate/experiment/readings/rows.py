@@ -14,7 +14,7 @@ MOST_BYTES = 10**7
 MOST_POINTS = 100_000
 """Rows."""
 COMMENTS = ("#", "%", "//")
-"""What a comment begins with."""
+"""Beginnings of a comment."""
 OLD_EXCEL = b"\xd0\xcf\x11\xe0"
 WORKBOOK = b"PK\x03\x04"
 _SEPARATOR = re.compile(r'"?sep=(.)"?', re.IGNORECASE)

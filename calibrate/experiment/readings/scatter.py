@@ -12,9 +12,9 @@ import numpy as np
 FEWEST = 3
 """Distances below which the scatter is taken from the height alone."""
 WITHOUT_READINGS = 0.01
-"""Of the height of the suspension: the error of readings that are too few to tell."""
+"""Error of readings that are too few to tell, as a share of the height of the suspension."""
 LEAST = 1e-3
-"""Of the height of the suspension: no reading by eye or camera is better."""
+"""Least error by eye or camera, as a share of the height of the suspension."""
 MEDIAN_OF_NORMAL = 0.6745
 """Median of the absolute value of a standard normal number."""
 FOR_A_PARABOLA = 5

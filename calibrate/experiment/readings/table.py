@@ -35,12 +35,12 @@ class Table(NamedTuple):
     path: str
     """File and sheet, as messages name them."""
     word: str
-    """What a row is called: `line` of a text, `row` of a workbook."""
+    """Word for a row: `line` of a text, `row` of a workbook."""
     rows: list[Row]
     last_comment: Row | None
     """The last comment before the first row, which may be the header."""
     facts: dict[str, str]
-    """How it was read: encoding and delimiter, or sheet."""
+    """Encoding and delimiter, or sheet, by which it was read."""
     delimiter: str = ""
     """Character between columns; "" of a workbook."""
 

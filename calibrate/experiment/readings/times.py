@@ -28,7 +28,7 @@ class Times(NamedTuple):
     unit: str
     """The unit in which a person tells them."""
     form: str
-    """How they are written: `min`, `hh:mm:ss`, `dates`."""
+    """Form in which they are written: `min`, `hh:mm:ss`, `dates`."""
 
 
 def times(column: Sequence[Cell], head: Heading, sheet: CurveSheet, mark: str) -> Times:

@@ -82,7 +82,7 @@ class Understood(FileUnderstood):
         )
 
     def _reading(self, role: str) -> str:
-        """What the readings are, in their unit."""
+        """The readings in words, with their unit."""
         unit = " as a ratio" if self.unit == "1" else f" in {self.unit}"
         if role == "supernatant":
             return f"mudline{unit} as height less supernatant"

@@ -21,7 +21,7 @@ from mrjax.core.errors import shown
 
 
 class Tube(NamedTuple):
-    """What converts readings."""
+    """Dimensions of a tube, which convert readings."""
 
     height: float | None
     """Height of the suspension, m; None if not given."""

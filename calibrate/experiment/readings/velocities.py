@@ -45,7 +45,7 @@ class Velocity(NamedTuple):
     concentration: float
     """As it is written."""
     volume_fraction: float
-    """Of the uncoated particles; 1."""
+    """Volume fraction of the uncoated particles; 1."""
     value: float
     """The velocity, in the table's unit."""
     error: float
@@ -59,9 +59,9 @@ class Velocities(NamedTuple):
 
     readings: list[Velocity]
     unit: VelocityUnit
-    """Of the velocities, without the power of ten."""
+    """Unit of the velocities, without the power of ten."""
     kind: str
-    """What the concentrations are, one of `concentrations.KINDS`."""
+    """Kind of the concentrations, one of `concentrations.KINDS`."""
     understood: VelocitiesUnderstood
 
 
@@ -117,14 +117,11 @@ def read(
 
 
 def _kind(found: VelocityLayout, sheet: VelocitiesSheet) -> str:
-    """What the concentrations are: of the header, or as stated."""
+    """Kind of the concentrations, from the header or as stated."""
     column = found.concentration
     kind = kind_of(column.written)
     if kind and sheet.concentration and not _alike(kind, sheet.concentration):
-        raise InputError(
-            f"{found.at}: column {shown(column.named)} is of {kind}, and concentration = "
-            f"{shown(sheet.concentration)} is stated; mend the header, or take concentration away"
-        )
+        raise _contradiction(found, column, f"of {kind}", "concentration", sheet.concentration)
     kind = sheet.concentration or kind
     if kind is None:
         raise InputError(
@@ -145,10 +142,7 @@ def _unit(found: VelocityLayout, sheet: VelocitiesSheet) -> VelocityUnit:
     column = found.readings[0]
     stated = velocity_unit(sheet.unit) if sheet.unit else None
     if column.unit and stated and column.unit != stated:
-        raise InputError(
-            f"{found.at}: column {shown(column.named)} is in {column.unit.written}, and unit = "
-            f"{shown(sheet.unit)} is stated; mend the header, or take unit away"
-        )
+        raise _contradiction(found, column, f"in {column.unit.written}", "unit", sheet.unit)
     unit = column.unit or stated
     if unit is None:
         raise InputError(
@@ -158,8 +152,18 @@ def _unit(found: VelocityLayout, sheet: VelocitiesSheet) -> VelocityUnit:
     return unit
 
 
+def _contradiction(
+    found: VelocityLayout, column: VelocityColumn, said: str, key: str, stated: str | None
+) -> InputError:
+    """The error of a header that says another thing than the experiment file."""
+    return InputError(
+        f"{found.at}: column {shown(column.named)} is {said}, and {key} = {shown(stated)} is "
+        f"stated; mend the header, or take {key} away"
+    )
+
+
 def _quantity(found: VelocityLayout, sheet: VelocitiesSheet) -> str:
-    """Whether the readings are velocities or fluxes: by the header, or as stated."""
+    """`velocity` or `flux`, from the header or as stated."""
     column = found.readings[0]
     quantity = sheet.quantity or column.role or "velocity"
     named = named_quantity(column.written)

@@ -38,7 +38,7 @@ class VelocityColumn(NamedTuple):
 
 
 class VelocityLayout(NamedTuple):
-    """What each column holds, and the rows below the header."""
+    """Columns of a table by what they hold, and the rows below the header."""
 
     concentration: VelocityColumn
     readings: list[VelocityColumn]
@@ -128,7 +128,7 @@ def _column(place: int, written: str) -> VelocityColumn:
 
 
 def named_quantity(written: str) -> str | None:
-    """What a header calls its readings: `velocity`, `flux` or neither."""
+    """The quantity that a header names: `velocity`, `flux` or neither."""
     name = parted(written)[0]
     words = heading(name).words | set(name.split())
     if words & vocabulary.FLUX:

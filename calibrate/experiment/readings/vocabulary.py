@@ -36,7 +36,7 @@ VESSEL = _words("tube column cylinder")
 MEAN = _words("mean avg average mittel mittelwert")
 """Words that change nothing."""
 SAMPLE = _words("sample samples probe specimen batch material formulation suspension slurry name")
-"""What tells suspensions apart where they share columns."""
+"""Names that tell suspensions apart where they share columns."""
 OTHER = _words(
     "min max minimum maximum range count "
     "initial total vessel liquid water room diameter start fill full filled fraction temperature "
@@ -47,7 +47,7 @@ OTHER = _words(
 
 HOURS_FIRST = _words("hh:mm h:mm h:m hh:mm:ss h:mm:ss h:m:s h:min hh:min h:min:s")
 MINUTES_FIRST = _words("mm:ss m:ss m:s min:s min:ss min:sec")
-"""What stands in the place of a unit where times are those of a clock."""
+"""Words in the place of a unit where times are those of a clock."""
 FOREIGN = _words(
     "y yr yrs year years month months mo ms us ns kg g mg pa kpa bar k °c c °f rpm g/l kg/m3 g/ml "
     "km nm mile miles yd gal oz lb mm/s cm/s m/s mm/min cm/min mm/h cm/h ntu"
@@ -66,4 +66,4 @@ FRACTION = _words("fraction frac phi") | {"\N{GREEK SMALL LETTER PHI}"}
 LIQUID = _words("water liquid fluid oil solvent carrier")
 SOLID = _words("solid solids particle particles powder sediment beads")
 OVER = _words("per to ratio / kg g")
-"""Between solid and liquid where one is divided by the other."""
+"""Words between solid and liquid where one is divided by the other."""
