@@ -1,6 +1,7 @@
 from .calibration import Calibration as Calibration
 from .calibration import run as run
 from .experiment.experiment import Experiment as Experiment
+from .experiment.simulator import Simulator as Simulator
 from .inference.identify import Identification as Identification
 from .inference.identify import identify as identify
 from .least_squares.fit import Fit as Fit

@@ -11,6 +11,7 @@ import numpy as np
 
 from calibrate import report
 from calibrate.experiment.experiment import Experiment
+from calibrate.experiment.simulator import SimulatedExperiment, Simulator
 from calibrate.inference import forecast
 from calibrate.inference.at_a_distance import unchanged_at_a_distance
 from calibrate.inference.forecast import Forecast
@@ -21,10 +22,12 @@ from calibrate.inference.profile import Profile, profiles
 from calibrate.least_squares.fit import Fit
 from calibrate.models.prediction import ForwardModelMaker
 from calibrate.problem.problem import Problem
+from calibrate.problem.simulated import fit_simulator
 from calibrate.problem.solve import calibrated as calibrated
 from calibrate.problem.solve import fit_experiment
 from calibrate.report import figures
 from mrjax import InputError, Recipe, SimulationError
+from mrjax.core.errors import shown
 from mrjax.io.files import result_folder
 from mrjax.io.versions import versions
 
@@ -73,12 +76,27 @@ class Options:
           InputError: nothing is left to fit where a sample is left out, samples of a posterior need
             a package that is not installed, or the recipe is like no sample.
         """
+        if isinstance(experiment, SimulatedExperiment):
+            self._refuse_for_simulator()
         if self.leave_one_out:
             forecast.refuse_leaving_out(experiment)
         if self.posterior:
             refuse_without_sampler()
         if self.predict is not None:
             forecast.sample_like(experiment, self.predict, self.like or "")
+
+    def _refuse_for_simulator(self) -> None:
+        """Refuses options that are of experiments with samples.
+
+        Raises:
+          InputError: one is given.
+        """
+        for name in ("model", "begin_with", "leave_one_out", "predict", "like"):
+            if getattr(self, name) != getattr(Options, name):
+                raise InputError(
+                    f"{name} = {shown(getattr(self, name))}: is for experiments with samples; a "
+                    "simulator is its own model, so leave it out"
+                )
 
 
 @dataclass(frozen=True)
@@ -129,13 +147,20 @@ class Calibration:
                 sample.name: sample.recipe.model_dump(mode="json", exclude_none=True)
                 for sample in self.experiment.samples
             },
-            "model": _name(self.options.model),
+            "model": self._model,
             "begun_with": _name(self.options.begin_with),
             "seed": self.options.seed,
             "dtype": str(self.predictions.dtype),
             "versions": versions(),
             "wall_seconds": self.wall_seconds,
         }
+
+    @property
+    def _model(self) -> str | None:
+        """Name of the model in the report."""
+        if isinstance(self.experiment, SimulatedExperiment):
+            return self.experiment.simulator.model
+        return _name(self.options.model)
 
     def _contact_notes(self) -> list[str]:
         """Assumptions for the samples whose particles were run."""
@@ -170,7 +195,7 @@ class Calibration:
 
 
 def run(
-    experiment: Experiment | str | Path,
+    experiment: Experiment | Simulator | str | Path,
     *,
     model: str | ForwardModelMaker = "particles",
     begin_with: str | ForwardModelMaker | None = None,
@@ -187,7 +212,8 @@ def run(
     """The whole workflow of `mrjax-calibrate`: a fit, and what follows from it.
 
     Args:
-      experiment: samples and parameters, or the name or file that they are loaded from.
+      experiment: samples and parameters, the name or file that they are loaded from, or a
+        simulator of one's own, which is its own model.
       model: forward model, as for `Problem.prepare`.
       begin_with: a cheaper model that is fitted first.
       starts: searches from as many points; the best is kept.
@@ -213,23 +239,19 @@ def run(
       (True, 'f_w * f_s')
     """
     began = time.perf_counter()
-    if not isinstance(experiment, Experiment):
-        experiment = Experiment.load(experiment)
     options = Options(
         model, begin_with, starts, seed, robust, posterior, leave_one_out, predict, like
     )
+    if isinstance(experiment, Simulator):
+        experiment = SimulatedExperiment.of_simulator(experiment)
+    elif not isinstance(experiment, Experiment):
+        experiment = Experiment.load(experiment)
     options.refuse(experiment)
     folders = dict.fromkeys(CHECKPOINTS)
     if checkpoint is not None:
         folders = {name: Path(checkpoint) / name for name in CHECKPOINTS}
     try:
-        problem, fit = fit_experiment(
-            experiment,
-            options.model,
-            **options.fit_options,
-            progress=progress,
-            checkpoint=folders["fit"],
-        )
+        problem, fit = _fitted(experiment, options, progress, folders["fit"])
     except ValueError as error:
         raise InputError(str(error)) from None
     if not np.isfinite(fit.jacobian).all() or not np.isfinite(fit.values).all():
@@ -248,6 +270,17 @@ def run(
     )
     calibration = _with_what_is_asked(calibration, folders, progress)
     return replace(calibration, wall_seconds=time.perf_counter() - began)
+
+
+def _fitted(
+    experiment: Experiment, options: Options, progress: bool, folder: Path | None
+) -> tuple[Problem, Fit]:
+    """The fit, and the problem whose residuals it knows."""
+    common: dict[str, Any] = options.fit_options | {"progress": progress, "checkpoint": folder}
+    if isinstance(experiment, SimulatedExperiment):
+        del common["begin_with"]
+        return fit_simulator(experiment.simulator, **common)
+    return fit_experiment(experiment, options.model, **common)
 
 
 def _with_what_is_asked(

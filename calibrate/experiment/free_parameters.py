@@ -17,8 +17,8 @@ from mrjax.core.errors import shown
 from mrjax.recipe.sheets import Name, Sheet
 
 
-class ParameterSheet(Sheet):
-    """A quantity to be fitted, or held at a value."""
+class PriorSheet(Sheet):
+    """A quantity to be fitted, or held at a value, and what is believed of it."""
 
     name: Name = Field(
         description="a leaf of mrjax.Parameters such as f_s, a coefficient of the closure such as "
@@ -35,12 +35,6 @@ class ParameterSheet(Sheet):
     bounds: list[float] | None = Field(default=None, description="[lower, upper], or leave out")
     standard_deviation: float | None = Field(
         default=None, gt=0, description="of the prior between bounds, above zero"
-    )
-    samples: list[Name] | None = Field(
-        default=None, min_length=1, description="names of samples, or leave out"
-    )
-    per_sample: bool = Field(
-        default=False, description="true for a value of its own for each sample"
     )
 
     @model_validator(mode="after")
@@ -78,6 +72,17 @@ class ParameterSheet(Sheet):
                 f"{self.bounds[1]:g}"
             )
         return self
+
+
+class ParameterSheet(PriorSheet):
+    """A quantity of samples to be fitted, or held at a value."""
+
+    samples: list[Name] | None = Field(
+        default=None, min_length=1, description="names of samples, or leave out"
+    )
+    per_sample: bool = Field(
+        default=False, description="true for a value of its own for each sample"
+    )
 
     @model_validator(mode="after")
     def _a_fraction(self) -> Self:
@@ -161,21 +166,25 @@ def free_parameters(
       names: of all samples.
       once: whether no other sheet has its name; else its samples are in the label.
     """
+    samples = tuple(sheet.samples or names)
+    if not sheet.per_sample:
+        label = sheet.name if once else f"{sheet.name}[{', '.join(samples)}]"
+        return [free_parameter(sheet, label, samples)]
+    return [free_parameter(sheet, f"{sheet.name}[{one}]", (one,)) for one in samples]
+
+
+def free_parameter(sheet: PriorSheet, label: str, samples: tuple[str, ...] = ()) -> FreeParameter:
+    """The free parameter of a sheet with a median."""
     if sheet.median is None:
         raise ValueError(f"{sheet.name} is held at {sheet.value}: there is nothing to fit")
-    samples, median = tuple(sheet.samples or names), sheet.median
-    spread, bounds = sheet.log_standard_deviation, None
+    median, spread, bounds = sheet.median, sheet.log_standard_deviation, None
     if sheet.bounds:
         lower, upper = bounds = (sheet.bounds[0], sheet.bounds[1])
         if sheet.standard_deviation is not None:
             # d ln x = d value (b - a) / ((value - a) (b - value))
             left, right = median - lower, upper - median
             spread = sheet.standard_deviation * (upper - lower) / (left * right)
-    rest = median, spread, bounds, sheet.start
-    if not sheet.per_sample:
-        label = sheet.name if once else f"{sheet.name}[{', '.join(samples)}]"
-        return [FreeParameter(label, sheet.name, samples, *rest)]
-    return [FreeParameter(f"{sheet.name}[{one}]", sheet.name, (one,), *rest) for one in samples]
+    return FreeParameter(label, sheet.name, samples, median, spread, bounds, sheet.start)
 
 
 Fitted, fitted = FreeParameter, free_parameters

@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from calibrate.experiment.sample import Sample
+from calibrate.experiment.simulator import SimulatedExperiment
 from calibrate.least_squares.fit import Fit
 from calibrate.problem.problem import Problem
 
@@ -21,7 +22,8 @@ TOO_FEW_BELOW = 0.01
 class RunsTest(NamedTuple):
     """Runs of residuals of one sign, of the readings of one file."""
 
-    sample: str
+    sample: str | None
+    """None of a simulator's."""
     observable: str
     readings: int
     runs: int
@@ -32,16 +34,34 @@ class RunsTest(NamedTuple):
 def runs_tests(problem: Problem, fit: Fit) -> list[RunsTest]:
     """The test of each file whose readings have no stated error."""
     found, first = [], 0
+    if isinstance(problem.experiment, SimulatedExperiment):
+        return _of_simulator(problem.experiment, fit)
     for sample in problem.experiment.samples:
         residuals = fit.residuals[first : first + len(sample.measurements)]
         first += len(sample.measurements)
         for observable, places in _files_without_errors(sample):
-            signs = np.sign(residuals[places])
-            signs = signs[signs != 0.0]
-            runs = int(np.count_nonzero(np.diff(signs))) + bool(signs.size)
-            chance = as_few_runs(int(np.sum(signs > 0)), int(np.sum(signs < 0)), runs)
-            found.append(RunsTest(sample.name, observable, len(places), runs, chance))
+            found.append(_test(sample.name, observable, residuals[places]))
     return found
+
+
+def _of_simulator(experiment: SimulatedExperiment, fit: Fit) -> list[RunsTest]:
+    """The test of readings that have a natural order and no stated error."""
+    simulator = experiment.simulator
+    if experiment.errors == "stated" or simulator.labels is not None:
+        return []
+    order = np.arange(fit.residuals.size)
+    if simulator.at is not None:
+        order = np.argsort(np.asarray(simulator.at), kind="stable")
+    return [_test(None, simulator.quantity, fit.residuals[order])]
+
+
+def _test(sample: str | None, observable: str, residuals: np.ndarray) -> RunsTest:
+    """The test of residuals in their order, (N,)."""
+    signs = np.sign(residuals)
+    signs = signs[signs != 0.0]
+    runs = int(np.count_nonzero(np.diff(signs))) + bool(signs.size)
+    chance = as_few_runs(int(np.sum(signs > 0)), int(np.sum(signs < 0)), runs)
+    return RunsTest(sample, observable, residuals.size, runs, chance)
 
 
 def _files_without_errors(sample: Sample) -> list[tuple[str, list[int]]]:

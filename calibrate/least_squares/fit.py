@@ -23,14 +23,15 @@ from jax.typing import ArrayLike
 from calibrate.least_squares.bounds import Bounds
 from calibrate.least_squares.evaluator import Evaluator, progress_bar
 from calibrate.least_squares.finish import SETTLED_BELOW, finish, is_converged, is_settled
+from calibrate.least_squares.finite_differences import FiniteDifferences, Slopes
 from calibrate.least_squares.interruptible import stoppable
 from calibrate.least_squares.kinks import without_slopes
 from calibrate.least_squares.levenberg import Point
 from calibrate.least_squares.optima import Optimum, distinct, optimum
 from calibrate.least_squares.priors import LogNormal
 from calibrate.least_squares.programs import (
-    Programs,
     count_residuals,
+    given_with,
     one_by_one,
     over_starts,
     prepared,
@@ -85,6 +86,8 @@ class Fit:
     """Places from which an optimum was looked for."""
     box: Bounds = Bounds(np.array(-np.inf), np.array(np.inf))
     """Bounds of the logarithms, (P,)."""
+    slopes: Slopes | None = None
+    """How slopes were taken by differences; None where JAX gives them."""
 
     @property
     def chi_squared(self) -> float:
@@ -109,6 +112,8 @@ def fit(
     also: Sequence[Any] = (),
     seed: int = 0,
     robust: float | None = None,
+    differentiable: bool = True,
+    step: float | None = None,
     search_steps: int = 60,
     finish_steps: int = 20,
     progress: bool = False,
@@ -133,6 +138,10 @@ def fit(
       seed: of those others.
       robust: residuals beyond this many standard deviations count linearly, not squared
         (pseudo-Huber); left out, all are squared.
+      differentiable: False for residuals that JAX cannot trace, such as those of numpy or of
+        another program. They are called with numbers, and their slopes are central differences;
+        where they raise or give what is no number, the search turns back.
+      step: of those differences, in each logarithm; left out, it is chosen at the start.
       search_steps: most steps of the search; it ends, or is left out, as soon as Gauss-Newton steps
         are to be trusted.
       finish_steps: most steps of Levenberg-Marquardt.
@@ -160,11 +169,18 @@ def fit(
     refuse_foreign(checkpoint)
     optimizer = optax.with_extra_args_support(optimizer or optax.adam(0.3))
     unknown = unknowns(start, priors or {}, bounds or {})
-    programs, given = prepared(residuals, unknown, data, robust)
+    differences = None
+    if differentiable:
+        programs, given = prepared(residuals, unknown, data, robust)
+    else:
+        differences = FiniteDifferences(residuals, unknown, robust, step)
+        programs, given = differences.programs, given_with(unknown, data)
     further = [unknowns(one, {}, bounds or {}).starts(1, seed) for one in also]
     each = np.vstack([unknown.starts(starts, seed), *further])
     with stoppable(), relaxed_promotion(), progress_bar(progress) as bar:
         count = count_residuals(programs, each[0], given) - len(unknown.with_prior)
+        if differences is not None:
+            differences.choose_steps(each[0], given)
         keeping = _keeping(
             checkpoint,
             start=dict(zip(unknown.names, unknown.values, strict=True)),
@@ -175,18 +191,18 @@ def fit(
             robust=robust,
             search_steps=search_steps,
             finish_steps=finish_steps,
+            step=step,
             data=jax.tree.leaves(data),
             # What no other fit has in common with this one.
             residuals_at_the_start=lambda: programs.linearised(each[0], given)[1],
         )
-        asked = Programs(
-            programs.traceable,
-            keeping("residuals", programs.everything),
-            recalled(keeping("jacobian", programs.linearised), RECALLED * len(each)),
+        jacobian = recalled(keeping("jacobian", programs.linearised), RECALLED * len(each))
+        asked = programs._replace(
+            everything=keeping("residuals", programs.everything), linearised=jacobian
         )
         # By name, the data would be another call to JAX, and compiled again.
         linear = one_by_one(lambda logs: asked.linearised(logs, given))
-        if starts > 1:
+        if starts > 1 and differentiable:
             many = over_starts(lambda logs: programs.linearised(logs, given), len(each))
             linear = keeping("jacobians", many)
         evaluator = Evaluator(asked, given, unknown.box, bar)
@@ -200,6 +216,7 @@ def fit(
         everything=programs.traceable,
         linearised=asked.linearised,
         given=given,
+        slopes=None if differences is None else differences.slopes_at(end.best.logs, given),
     )
 
 

@@ -43,7 +43,8 @@ def without_slopes(evaluator: Evaluator, end: Point) -> tuple[Point, bool, int]:
     runs, agree = 0, False
     for number, size in enumerate((SIMPLEX, -SIMPLEX, SIMPLEX)):
         result, logs = _simplex(evaluator, end, size)
-        agree = bool(number and result.success and 2.0 * end.loss - result.fun < FOUND_AGAIN_WITHIN)
+        resolved = result.success and np.finfo(float).eps * result.fun < FOUND_AGAIN_WITHIN
+        agree = bool(number and resolved and 2.0 * end.loss - result.fun < FOUND_AGAIN_WITHIN)
         end, more = finish(evaluator, logs, AGAIN)
         if not 2.0 * end.loss <= result.fun:
             end = evaluator.at(logs)

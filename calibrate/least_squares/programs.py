@@ -34,6 +34,7 @@ class Programs(NamedTuple):
     traceable: Callable[[ArrayLike, Given], Array]  # for programs that have it within
     everything: Callable[[ArrayLike, Given], Array]  # residuals and priors, (M + K,)
     linearised: Callable[[ArrayLike, Given], tuple[Array, Array]]  # Jacobian and residuals
+    traced: bool = True  # False where all three are called with numbers
 
 
 @lru_cache(maxsize=16)
@@ -86,18 +87,24 @@ def prepared(
       residuals, data, robust: as for `fit`.
       unknown: what is fitted.
     """
-    held = unknown.with_prior
-    places = np.array(held, int)
-    given = Given(data, np.log(unknown.median[places]), np.sqrt(unknown.precision[places]))
-    without_data = data is None
+    held, without_data = unknown.with_prior, data is None
     programs = compiled(residuals, unknown.structure, unknown.shapes, held, robust, without_data)
-    return programs, given
+    return programs, given_with(unknown, data)
 
 
-def pseudo_huber(residuals: Array, longest: float) -> Array:
-    """Residuals whose squares are 2 d^2 (sqrt(1 + (r/d)^2) - 1): r near zero, else sqrt(2 d r)."""
-    size = jnp.sqrt(1.0 + (residuals / longest) ** 2)
-    return residuals * jnp.sqrt(2.0 / (1.0 + size))
+def given_with(unknown: Unknowns, data: Any) -> Given:
+    """The arguments of the programs of a fit beside the logarithms."""
+    places = np.array(unknown.with_prior, int)
+    return Given(data, np.log(unknown.median[places]), np.sqrt(unknown.precision[places]))
+
+
+def pseudo_huber(residuals: Any, longest: float) -> Any:
+    """Residuals whose squares are 2 d^2 (sqrt(1 + (r/d)^2) - 1): r near zero, else sqrt(2 d r).
+
+    Of JAX or of numpy, as the residuals are.
+    """
+    size = (1.0 + (residuals / longest) ** 2) ** 0.5
+    return residuals * (2.0 / (1.0 + size)) ** 0.5
 
 
 def count_residuals(programs: Programs, logs: np.ndarray, given: Given) -> int:
@@ -106,13 +113,20 @@ def count_residuals(programs: Programs, logs: np.ndarray, given: Given) -> int:
     Raises:
       InputError: none, or not a vector of one size.
     """
+    if not programs.traced:
+        return int(np.asarray(programs.everything(logs, given)).size)
     try:
         shape = jax.eval_shape(programs.traceable, logs, given).shape
     except (jax.errors.ConcretizationTypeError, jax.errors.NonConcreteBooleanIndexError) as error:
         raise InputError(
             "residuals: their number, or a choice in them, hangs on the values, so that JAX cannot "
             "compile them; give as many for all values, with jnp.where in place of `if` and of "
-            "boolean indices"
+            "boolean indices, or differentiable=False"
+        ) from error
+    except jax.errors.TracerArrayConversionError as error:
+        raise InputError(
+            "residuals: are of numpy, which JAX cannot differentiate; write them with jax.numpy, "
+            "or give differentiable=False for slopes by finite differences"
         ) from error
     return int(shape[0])
 

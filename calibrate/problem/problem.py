@@ -1,7 +1,7 @@
 """An experiment as residuals: what the fit, which knows nothing of the physics, is given."""
 
 from collections import OrderedDict
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -123,8 +123,8 @@ class Problem:
         return {one.variable: bounds(self.experiment, one) for one in self.experiment.parameters}
 
     @property
-    def measurements(self) -> list[tuple[Sample, Measurement]]:
-        """All measurements, in the order of the residuals."""
+    def measurements(self) -> Sequence[tuple[Sample | None, Measurement]]:
+        """All measurements, in the order of the residuals, with the sample that they are of."""
         return [(sample, one) for sample in self.experiment.samples for one in sample.measurements]
 
     def predict(self, theta: dict[str, Array]) -> Array:

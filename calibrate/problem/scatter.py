@@ -8,6 +8,7 @@ other measurements and priors count. The fit is repeated with the new errors unt
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -27,32 +28,53 @@ SETTLED = 1e-3
 """Relative change of every error at which they stay."""
 
 
+class WithErrors(Protocol):
+    """A problem as far as its errors are concerned."""
+
+    @property
+    def errors(self) -> np.ndarray:
+        """Standard deviations of the measured values, (M,)."""
+
+
+ProblemType = TypeVar("ProblemType", bound=WithErrors)
+
+
 def fit_with_scatter(
-    problem: Problem, fit_errors: Callable[[Problem, int], Fit]
-) -> tuple[Problem, Fit]:
+    problem: ProblemType,
+    fit_errors: Callable[[ProblemType, int], Fit],
+    with_scatter: Callable[[ProblemType, Fit], ProblemType],
+    with_freedom: Callable[[ProblemType, ProblemType], ProblemType],
+) -> tuple[ProblemType, Fit]:
     """The fit, and the problem with the errors of which it is; not converged where they go on.
 
     Args:
-      problem: its velocities have a scatter to begin with.
+      problem: it has a scatter to begin with.
       fit_errors: fits a problem like it with its errors; the number of fits before.
+      with_scatter: the problem with the scatter that the residuals of a fit give.
+      with_freedom: the problem with its own errors, and the degrees of freedom of another.
     """
     runs = 0
     for number in range(MOST_ROUNDS):
         fit = fit_errors(problem, number)
         runs += fit.model_runs
-        estimated = replace(problem, experiment=_estimated(problem, fit))
+        estimated = with_scatter(problem, fit)
         if not fit.converged or _settled(problem, estimated):
-            return _told(problem, estimated), replace(fit, model_runs=runs)
+            return with_freedom(problem, estimated), replace(fit, model_runs=runs)
         problem = estimated
     return problem, replace(fit, converged=False, model_runs=runs)
 
 
-def _settled(before: Problem, after: Problem) -> bool:
+def _settled(before: WithErrors, after: WithErrors) -> bool:
     """True if no error changes any more."""
     return bool(np.all(np.abs(after.errors / before.errors - 1.0) < SETTLED))
 
 
-def _told(problem: Problem, estimated: Problem) -> Problem:
+def with_scatter_of_velocities(problem: Problem, fit: Fit) -> Problem:
+    """The problem with the scatter of its velocities that the residuals of a fit give."""
+    return replace(problem, experiment=_estimated(problem, fit))
+
+
+def with_freedom_of_velocities(problem: Problem, estimated: Problem) -> Problem:
     """The problem of the fit, with the degrees of freedom of its scatter, which the end tells."""
     pairs = zip(problem.experiment.samples, estimated.experiment.samples, strict=True)
     samples = tuple(replace(one, scatter=other.scatter) for one, other in pairs)
@@ -62,7 +84,7 @@ def _told(problem: Problem, estimated: Problem) -> Problem:
 def _estimated(problem: Problem, fit: Fit) -> Experiment:
     """The experiment with the scatter that the residuals of a fit give."""
     freedom = 1.0 - leverages(fit.jacobian, fit.prior_precision)
-    residuals = _uncapped(fit) * problem.errors
+    residuals = uncapped(fit) * problem.errors
     predicted = problem.measured + residuals
     robust = fit.robust is not None
     first, samples = 0, []
@@ -74,7 +96,7 @@ def _estimated(problem: Problem, fit: Fit) -> Experiment:
     return replace(problem.experiment, samples=tuple(samples))
 
 
-def _uncapped(fit: Fit) -> np.ndarray:
+def uncapped(fit: Fit) -> np.ndarray:
     """Residuals in standard deviations, (M,), of a robust fit as they are and not as they count."""
     if fit.robust is None:
         return fit.residuals
@@ -100,7 +122,9 @@ def _with_scatter(
     free = float(freedom[of_table].sum())
     scatter = Scatter(BEFORE_THE_FIT, 0.0, "assumed")
     if free >= FEWEST_FREE - 1e-9:
-        scatter = Scatter(max(_scale(relative[of_table], free, robust), LEAST_SCATTER), free, "fit")
+        scatter = Scatter(
+            max(scale_of(relative[of_table], free, robust), LEAST_SCATTER), free, "fit"
+        )
     measurements = tuple(
         one._replace(standard_deviation=scatter.value * abs(float(value))) if tabled else one
         for one, value, tabled in zip(sample.measurements, predicted, of_table, strict=True)
@@ -108,7 +132,7 @@ def _with_scatter(
     return replace(sample, measurements=measurements, scatter=scatter)
 
 
-def _scale(relative: np.ndarray, freedom: float, robust: bool) -> float:
+def scale_of(relative: np.ndarray, freedom: float, robust: bool) -> float:
     """Standard deviation of residuals, (M,), with so many degrees of freedom."""
     if not robust:
         return float(np.sqrt(np.sum(relative**2) / freedom))

@@ -15,7 +15,11 @@ from calibrate.least_squares.optima import with_others
 from calibrate.models.prediction import ForwardModelMaker
 from calibrate.problem.beginnings import Beginnings, beginnings
 from calibrate.problem.problem import Problem
-from calibrate.problem.scatter import fit_with_scatter
+from calibrate.problem.scatter import (
+    fit_with_scatter,
+    with_freedom_of_velocities,
+    with_scatter_of_velocities,
+)
 from mrjax import SimulationError
 from mrjax.io.checkpoint import refuse_foreign
 
@@ -133,7 +137,9 @@ def _fitted(
         near, places = found.theta, {}
         return found
 
-    return fit_with_scatter(problem, fit_errors)
+    return fit_with_scatter(
+        problem, fit_errors, with_scatter_of_velocities, with_freedom_of_velocities
+    )
 
 
 calibrated = fit_experiment

@@ -1,5 +1,6 @@
 """The report of a fit in Markdown."""
 
+from collections.abc import Iterable
 from typing import Any
 
 from matplotlib.figure import Figure
@@ -19,6 +20,11 @@ from calibrate.report.formatting import (
 from calibrate.report.words import MARKDOWN, in_words
 from mrjax.core.text import in_code, in_markdown
 from mrjax.io import files
+
+DRAG = (
+    " A fitted drag factor is a calibration constant: what the recipe leaves\nout, such as "
+    "flocculation or a spread of sizes, is in it."
+)
 
 
 def markdown(name: str, model: str, result: dict[str, Any], figures: dict[str, Figure]) -> str:
@@ -43,7 +49,7 @@ and {result["degrees_of_freedom"]} degrees of freedom; {result["model_runs"]} mo
 ## Predicted against measured
 
 {_understood(result)}{predictions}
-{shown("predictions", "velocities", "curves", "residuals")}
+{shown("predictions", "velocities", "curves", "readings", "residuals")}
 
 ## What the data determine
 {words}
@@ -53,14 +59,11 @@ and {result["degrees_of_freedom"]} degrees of freedom; {result["model_runs"]} mo
 {parameters}
 Errors are one standard deviation; of the values, data and priors together; of the combinations,
 the data alone. Intervals are those of the profile likelihood. A prior's second number is the factor
-of one standard deviation. A fitted drag factor is a calibration constant: what the recipe leaves
-out, such as flocculation or a spread of sizes, is in it.
+of one standard deviation.{DRAG if numbers else ""}
 
 {shown("profiles", "posterior")}
 {_posterior(result["posterior"])}{left_out}{new}
-## Where the model holds
-
-{numbers}{beyond}
+{_holds(numbers, beyond)}
 ## The search
 
 {shown("loss")}
@@ -101,7 +104,7 @@ def _understood(result: dict[str, Any]) -> str:
 
 def _predictions(result: dict[str, Any]) -> str:
     """The table of predicted and measured values."""
-    return files.markdown_table(
+    return _without_samples(
         ["sample", "observable", "measured", "predicted", "unit", "difference / sigma"],
         (
             [
@@ -119,12 +122,13 @@ def _predictions(result: dict[str, Any]) -> str:
 
 def _parameters(result: dict[str, Any]) -> str:
     """The table of fitted values."""
-    return files.markdown_table(
+    return _without_samples(
         ["parameter", "one value for", "fitted", *LEVELS, "prior", "posterior", "determined"],
         (
             [
                 in_code(label),
-                f"sample{'s' if len(one['samples']) > 1 else ''} {', '.join(one['samples'])}",
+                one["samples"]
+                and f"sample{'s' if len(one['samples']) > 1 else ''} {', '.join(one['samples'])}",
                 fitted_value(one),
                 *(interval(one["profile"], coverage) for coverage in LEVELS),
                 prior(one),
@@ -133,6 +137,19 @@ def _parameters(result: dict[str, Any]) -> str:
             ]
             for label, one in result["parameters"].items()
         ),
+    )
+
+
+def _without_samples(header: list[str], rows: Iterable[list[Any]]) -> str:
+    """A table, without the column of samples where there are none."""
+    listed = list(rows)
+    kept = [
+        place
+        for place, name in enumerate(header)
+        if name not in ("sample", "one value for") or any(row[place] for row in listed)
+    ]
+    return files.markdown_table(
+        [header[place] for place in kept], ([row[place] for place in kept] for row in listed)
     )
 
 
@@ -156,8 +173,17 @@ def _optima(result: dict[str, Any]) -> str:
     return f"\n{table}"
 
 
+def _holds(numbers: str, warnings: str) -> str:
+    """The section on where the model holds; of warnings alone where nothing else says so."""
+    if not numbers:
+        return f"## Warnings\n{warnings}" if warnings else ""
+    return f"## Where the model holds\n\n{numbers}{warnings}"
+
+
 def _validity(result: dict[str, Any]) -> str:
-    """The dimensionless numbers, and where the model holds."""
+    """The dimensionless numbers, and where the model holds; nothing without suspensions."""
+    if not result["validity"]:
+        return ""
     return files.markdown_table(
         ["sample", "number", "as fitted", "the model holds"],
         (

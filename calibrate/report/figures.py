@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from calibrate.experiment.units import CURVES, TIME_UNITS
+from calibrate.experiment.units import TIME_UNITS
 from calibrate.inference.posterior import Posterior
 from calibrate.inference.profile import Profile
 from calibrate.least_squares.fit import Fit
@@ -32,8 +32,10 @@ def figures(
         drawn["predictions"] = predictions_figure(result)
     if any("concentration" in one for one in result["predictions"]):
         drawn["velocities"] = velocities_figure(result)
-    if any(one["observable"] in CURVES for one in result["predictions"]):
+    if any("time_s" in one for one in result["predictions"]):
         drawn["curves"] = curves_figure(result)
+    if any("at" in one for one in result["predictions"]):
+        drawn["readings"] = readings_figure(result)
     drawn["residuals"] = residuals_figure(result)
     if profiles:
         drawn["profiles"] = profiles_figure(problem, profiles)
@@ -44,8 +46,23 @@ def figures(
 
 
 def _is_alone(one: dict[str, Any]) -> bool:
-    """True of a measurement that is neither of a curve nor of a table of velocities."""
-    return one["observable"] not in CURVES and "concentration" not in one
+    """True of a measurement that is neither of a curve nor of a table."""
+    return not {"time_s", "concentration", "at"} & one.keys()
+
+
+@STYLE
+def readings_figure(result: dict[str, Any]) -> Figure:
+    """Readings of a simulator along their axis, and predictions with a band of two errors."""
+    rows = sorted(result["predictions"], key=lambda one: one["at"])
+    figure = Figure(figsize=(COLUMN, 2.4), layout="constrained")
+    axes = figure.subplots()
+    _draw(axes, [one["at"] for one in rows], rows)
+    axes.set_xlabel(in_figure(rows[0]["axis"]))
+    unit = rows[0]["unit"]
+    what = rows[0]["observable"]
+    axes.set_ylabel(in_figure(what if unit == "1" else f"{what}, {unit}"))
+    axes.legend()
+    return figure
 
 
 @STYLE
@@ -67,7 +84,7 @@ def velocities_figure(result: dict[str, Any]) -> Figure:
 @STYLE
 def curves_figure(result: dict[str, Any]) -> Figure:
     """Measured curves with their errors, and predicted ones with a band of two standard errors."""
-    rows = [one for one in result["predictions"] if one["observable"] in CURVES]
+    rows = [one for one in result["predictions"] if "time_s" in one]
     figure, panels = _panels(rows)
     for axes, of_sample in panels:
         days = [one["time_s"] / TIME_UNITS["day"] for one in of_sample]
@@ -138,13 +155,14 @@ def residuals_figure(result: dict[str, Any]) -> Figure:
             color="k",
             markerfacecolor=("0.75", "k", "w")[number % 3],
             ms=4,
-            label=f"sample {in_figure(name)}",
+            label=None if name is None else f"sample {in_figure(name)}",
         )
     axes.set_xticks([])
     axes.set_xlabel("measurements, in their order")
     axes.set_ylabel("(predicted - measured) / sigma")
     axes.set_ylim(-1.1 * max(3.0, *map(abs, off)), 1.1 * max(3.0, *map(abs, off)))
-    axes.legend()
+    if any(names):
+        axes.legend()
     return figure
 
 
@@ -217,14 +235,24 @@ def predictions_figure(result: dict[str, Any]) -> Figure:
         )
         axes.set_xticks(
             places,
-            [f"{in_figure(one['sample'])}\n{spelled(one['observable'])}" for one in of_unit],
+            [_tick(one) for one in of_unit],
         )
         axes.set_xlim(-0.6, len(of_unit) - 0.4)
         highest = max(max(one["measured"] + one["sigma"], one["predicted"]) for one in of_unit)
-        axes.set_ylim(0, 1.15 * highest)  # room above the error bars
+        lowest = min(min(one["measured"] - one["sigma"], one["predicted"]) for one in of_unit)
+        # Room beyond the error bars of a simulator's readings, which may be negative.
+        negative = min(one["measured"] for one in of_unit) < 0.0
+        axes.set_ylim(1.15 * lowest if negative else 0.0, max(1.15 * highest, 0.0))
         axes.set_ylabel("ratio" if unit == "1" else unit)
     axes.legend()
     return figure
+
+
+def _tick(one: dict[str, Any]) -> str:
+    """The name of a measurement beneath its place."""
+    if one["sample"] is None:
+        return in_figure(one["observable"])
+    return f"{in_figure(one['sample'])}\n{spelled(one['observable'])}"
 
 
 @STYLE

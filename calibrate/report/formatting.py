@@ -40,8 +40,11 @@ def off(one: dict[str, Any], form: str = "{}") -> str:
 
 
 def when(one: dict[str, Any]) -> str:
-    """The time of a reading of a curve, the concentration of one of a table; nothing of another."""
-    if one["observable"] in CURVES:
+    """The time of a reading of a curve, the concentration or place of one of a table."""
+    if "at" in one:
+        what, _, unit = one["axis"].partition(",")
+        return " " + " ".join(f"at {what} {one['at']:.6g} {unit}".split())
+    if one["observable"] in CURVES and "time_s" in one:
         return f" at {one['time_s'] / TIME_UNITS['day']:.4g} days"
     if "concentration" not in one:
         return ""

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from calibrate.experiment.free_parameters import FreeParameter
-from calibrate.experiment.sample import Measurement
+from calibrate.experiment.sample import Measurement, Sample, Scatter
+from calibrate.experiment.simulator import SimulatedExperiment
 from calibrate.inference.curvature import covariance, information
 from calibrate.inference.forecast import Forecast
 from calibrate.inference.identify import Identification
@@ -31,7 +32,7 @@ KINK = (
 
 ONE_PLACE = (
     "an optimum was looked for from one place alone, so that better ones may exist: fit again with "
-    "--starts 8"
+    "--starts 8, or starts=8 in Python"
 )
 
 FASTER = 2.0
@@ -153,6 +154,7 @@ def _warnings(
             for warning in dimensionless.warnings(numbers)
         ),
         *_too_fast(problem, fit),
+        *_unreliable(problem, fit),
     ]
 
 
@@ -176,7 +178,36 @@ def _notes(problem: Problem, fit: Fit) -> list[str]:
         for note in sample.recipe.notes
     ]
     told = [KINK] * fit.on_a_kink + [ONE_PLACE] * (fit.places == 1)
-    return notes + told + _at_bounds(problem, fit)
+    return notes + told + _differences(fit) + _at_bounds(problem, fit)
+
+
+def _differences(fit: Fit) -> list[str]:
+    """A note on slopes that were taken by differences."""
+    if fit.slopes is None:
+        return []
+    least, most = fit.slopes.steps.min(), fit.slopes.steps.max()
+    size = f"{least:.2g}" if least == most else f"{least:.2g} to {most:.2g}"
+    failed = f", of which {fit.slopes.failures} failed" if fit.slopes.failures else ""
+    return [
+        f"slopes are central differences with steps of {size} in the logarithms; the function was "
+        f"called {fit.slopes.calls} times{failed}"
+    ]
+
+
+def _unreliable(problem: Problem, fit: Fit) -> Iterator[str]:
+    """Warnings about slopes that may be noise."""
+    if fit.slopes is None:
+        return
+    shares = fit.slopes.uncertainty / np.where(fit.slopes.size, fit.slopes.size, 1.0)
+    for one, share, unreliable in zip(
+        problem.experiment.parameters, shares, fit.slopes.unreliable, strict=True
+    ):
+        if unreliable:
+            yield (
+                f"slopes with respect to {one.label} change by {share:.0%} with the step of their "
+                "differences, and so may its error: state another step, or let the simulator "
+                "print more digits"
+            )
 
 
 def _at_bounds(problem: Problem, fit: Fit) -> list[str]:
@@ -270,7 +301,8 @@ def _end_of_interval(parameter: FreeParameter, x: float) -> float:
 def _predictions(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[dict[str, Any]]:
     """A line for each measurement, both in its unit."""
     spreads = np.array([one.standard_deviation for _, one in problem.measurements])
-    exponents = fit.jacobian * (spreads / predicted)[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        exponents = fit.jacobian * (spreads / predicted)[:, None]
     known, _ = covariance(information(fit))
     slopes = fit.jacobian
     if (longest := fit.robust) is not None:  # back from how residuals count to what they are
@@ -280,17 +312,17 @@ def _predictions(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[dict
     errors = spreads * np.sqrt(np.einsum("mp,pq,mq->m", slopes, known, slopes))
     return [
         {
-            "sample": sample.name,
+            "sample": None if sample is None else sample.name,
             "observable": one.observable,
             "measured": one.value,
             "sigma": one.standard_deviation,
             "predicted": value,
             "predicted_error": error,
             "unit": one.unit,
-            **_where(one, None if one.place is None else sample.times[one.place]),
+            **(where := _place(problem, sample, one)),
             **(
                 {"varies_as": expression(fit.names, np.round(row, 6))}
-                if one.place is None and one.concentration is None and fit.robust is None
+                if not where and fit.robust is None and np.isfinite(row).all()
                 else {}
             ),
         }
@@ -298,6 +330,13 @@ def _predictions(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[dict
             problem.measurements, predicted, errors, exponents, strict=True
         )
     ]
+
+
+def _place(problem: Problem, sample: Sample | None, one: Measurement) -> dict[str, Any]:
+    """Where a measurement was made, if not on the sample as it is."""
+    if isinstance(problem.experiment, SimulatedExperiment):
+        return problem.experiment.simulator.place(one.row or 0)
+    return _where(one, None if sample is None or one.place is None else sample.times[one.place])
 
 
 def _where(one: Measurement, time: float | None) -> dict[str, Any]:
@@ -314,16 +353,26 @@ def _where(one: Measurement, time: float | None) -> dict[str, Any]:
 
 
 def _scatter(problem: Problem) -> dict[str, dict[str, Any]]:
-    """The relative scatter of velocities without a stated error, by sample."""
+    """The relative scatter of velocities without a stated error, by sample; that of a simulator."""
+    experiment = problem.experiment
+    if isinstance(experiment, SimulatedExperiment):
+        if experiment.scatter is None:
+            return {}
+        unit = {"unit": experiment.simulator.unit}
+        return {experiment.name: _table_of_scatter(experiment.scatter) | unit}
     return {
-        sample.name: {
-            "value": sample.scatter.value,
-            "standard_error": sample.scatter.standard_error,
-            "degrees_of_freedom": sample.scatter.degrees_of_freedom,
-            "source": sample.scatter.source,
-        }
-        for sample in problem.experiment.samples
+        sample.name: _table_of_scatter(sample.scatter)
+        for sample in experiment.samples
         if sample.scatter is not None
+    }
+
+
+def _table_of_scatter(scatter: Scatter) -> dict[str, Any]:
+    return {
+        "value": scatter.value,
+        "standard_error": scatter.standard_error,
+        "degrees_of_freedom": scatter.degrees_of_freedom,
+        "source": scatter.source,
     }
 
 

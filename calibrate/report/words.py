@@ -53,7 +53,7 @@ def in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]
     lines += [_scatter(text(name), one) for name, one in result["scatter"].items()]
     lines += [_runs(text, one) for one in result["runs"]]
     lines += [
-        f"The {spelled(one['observable'])} of sample {text(one['sample'])} varies as "
+        f"The {spelled(one['observable'])}{_whose(text, one)} varies as "
         f"{text(one['varies_as'])}: only that product of powers can be read from it."
         for one in result["predictions"]
         if one.get("varies_as", "1") != "1"
@@ -68,7 +68,7 @@ def in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]
         for one in combinations
     ]
     lines += [
-        f"{code(f'odds({label})')} is ({text(label)} - {one['bounds'][0]:g}) / "
+        f"{code(f'odds({label})')} is ({text(label)} {_less(one['bounds'][0])}) / "
         f"({one['bounds'][1]:g} - {text(label)}), which runs from 0 to infinity."
         for label, one in parameters.items()
         if one["bounds"]
@@ -90,6 +90,11 @@ def in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]
             listed = ", ".join(map(code, names))
             lines.append((several if len(names) > 1 else one).format(listed))
     return [*lines, *_optima(result, code)]
+
+
+def _less(number: float) -> str:
+    """A number that is taken away: `- 0.5`, or `+ 1` for -1."""
+    return f"{'+' if number < 0.0 else '-'} {abs(number):g}"
 
 
 def _null(direction: str, unchanged: bool) -> str:
@@ -119,7 +124,16 @@ def _optima(result: dict[str, Any], code: Callable[[str], str]) -> Iterator[str]
 
 
 def _scatter(name: str, one: dict[str, Any]) -> str:
-    """The sentence about the scatter of velocities without a stated error."""
+    """The sentence about the scatter of readings without a stated error."""
+    if "unit" in one:
+        unit = "" if one["unit"] == "1" else f" {one['unit']}"
+        value = with_error(one["value"], one["standard_error"])
+        return (
+            f"The scatter of the readings, {value}{unit}, is estimated from their residuals, with "
+            f"{one['degrees_of_freedom']:.3g} degrees of freedom: errors of fitted values follow "
+            "from it, and intervals are those of "
+            "Student's distribution."
+        )
     scatter = f"The relative scatter of the velocities of sample {name}"
     value, error = 100.0 * one["value"], 100.0 * one["standard_error"]
     if one["source"] == "assumed":
@@ -136,13 +150,18 @@ def _runs(text: Callable[[str], str], one: dict[str, Any]) -> str:
     """The sentence about the runs test of readings without a stated error."""
     changes = one["runs"] - 1
     said = (
-        f"The residuals of the {one['readings']} readings of the {spelled(one['observable'])} of "
-        f"sample {text(one['sample'])} change sign {changes} time{'s' if changes != 1 else ''}; "
+        f"The residuals of the {one['readings']} readings of the {spelled(one['observable'])}"
+        f"{_whose(text, one)} change sign {changes} time{'s' if changes != 1 else ''}; "
         f"noise does so as seldom with p {by_chance(one['p_value'])}"
     )
     return (
         f"{said}: the model misses their shape." if one["p_value"] < TOO_FEW_BELOW else f"{said}."
     )
+
+
+def _whose(text: Callable[[str], str], one: dict[str, Any]) -> str:
+    """The sample of a measurement; nothing of a simulator's."""
+    return "" if one["sample"] is None else f" of sample {text(one['sample'])}"
 
 
 def _misfit(result: dict[str, Any]) -> str:

@@ -1,0 +1,260 @@
+"""A simulator of a user's own as residuals, and their fit."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from numpy.typing import ArrayLike
+
+from calibrate.experiment.physical_bounds import NEAREST
+from calibrate.experiment.sample import Measurement, Sample, Scatter
+from calibrate.experiment.simulator import SimulatedExperiment, Simulator
+from calibrate.least_squares.fit import Fit, fit
+from calibrate.least_squares.leverage import leverages
+from calibrate.problem.problem import Problem
+from calibrate.problem.scatter import FEWEST_FREE, fit_with_scatter, scale_of, uncapped
+from mrjax import InputError
+from mrjax.core.errors import shown
+from mrjax.core.promotion import relaxed_promotion
+from mrjax.io.checkpoint import refuse_foreign
+
+LEAST_SCATTER = 1e-6
+"""Estimated scatter below which residuals are rounding, over the largest reading."""
+AGREES_WITHIN = 1e-3
+"""Part of the largest prediction by which a traced function may differ from one that is called."""
+MOVED = 1.01
+"""Factor on a value by which a slope of zero is checked."""
+
+
+@dataclass(frozen=True)
+class SimulatorProblem(Problem):
+    """A simulator as residuals."""
+
+    experiment: SimulatedExperiment
+    traced: bool = False
+    """True if JAX traces the function."""
+
+    @classmethod
+    def of_simulator(cls, simulator: Simulator) -> "SimulatorProblem":
+        """Calls the function at the start, and finds out whether JAX traces it.
+
+        Raises:
+          InputError: it cannot be called there, its predictions are no match for the readings, or
+            it should be traced and cannot.
+        """
+        experiment = SimulatedExperiment.of_simulator(simulator)
+        problem = cls(experiment, (), experiment.start, everywhere=True)
+        problem._refuse_the_start()
+        return replace(problem, traced=problem._is_traceable())
+
+    def _refuse_the_start(self) -> None:
+        """Refuses a function that gives nothing at the start."""
+        values = self._values(self.start)
+        at = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
+        try:
+            predicted = self.predict(self.start)
+        except InputError as error:
+            raise InputError(f"{error} (at the start, {at})") from None
+        except Exception as error:
+            raise InputError(
+                f"predict raises {type(error).__name__} at the start, {at}: {error}; mend it, or "
+                "give a start where it predicts"
+            ) from error
+        if not np.isfinite(predicted).all():
+            place = int(np.argmin(np.isfinite(predicted)))
+            raise InputError(
+                f"predict: prediction {place} is {predicted[place]} at the start, {at}; give a "
+                "start where it predicts"
+            )
+
+    def _is_traceable(self) -> bool:
+        """True if JAX traces the function; refused where it should and cannot."""
+        if self.simulator.differentiable is False:
+            return False
+        try:
+            with relaxed_promotion():
+                jax.eval_shape(partial(self._traced, errors=None), dict(self.start))
+        except Exception as error:
+            if self.simulator.differentiable:
+                reason = type(error).__name__
+                raise InputError(
+                    f"predict: JAX cannot trace it ({reason}); write it with jax.numpy, without "
+                    "float() and without `if` on values, or give differentiable=False"
+                ) from error
+            return False
+        return True
+
+    @property
+    def simulator(self) -> Simulator:
+        """The function and its readings."""
+        return self.experiment.simulator
+
+    @property
+    def bounds(self) -> dict[str, tuple[float, float]]:
+        """Bounds of the odds of what is between bounds, by variable."""
+        ends = NEAREST / (1.0 - NEAREST), (1.0 - NEAREST) / NEAREST
+        return {one.variable: ends for one in self.experiment.parameters if one.bounds}
+
+    @property
+    def measurements(self) -> Sequence[tuple[Sample | None, Measurement]]:
+        """The readings, of no sample."""
+        return [(None, one) for one in self.experiment.measurements]
+
+    def _values(self, theta: Mapping[str, Any]) -> dict[str, Any]:
+        """Values by name, held ones too, from the fit's variables."""
+        free = {one.name: one.value(theta[one.variable]) for one in self.experiment.parameters}
+        return free | self.simulator.held
+
+    def predict(self, theta: Mapping[str, ArrayLike]) -> Any:
+        """Predictions for numbers, by variable, (M,).
+
+        Raises:
+          InputError: they are no match for the readings.
+        """
+        numbers = {name: float(x) for name, x in self._values(theta).items()}
+        with np.errstate(all="ignore"), relaxed_promotion():
+            predicted = self.simulator.predict(numbers)
+        try:
+            array = np.atleast_1d(np.asarray(predicted))
+            if np.iscomplexobj(array):
+                raise ValueError("complex numbers are no predictions of real readings")
+            array = array.astype(float)
+        except (TypeError, ValueError):
+            raise InputError(f"predict: gives {shown(predicted)}; give real numbers") from None
+        self._refuse_shape(array.shape)
+        return array
+
+    def _refuse_shape(self, shape: tuple[int, ...]) -> None:
+        if shape != self.measured.shape:
+            raise InputError(
+                f"predict: gives shape {shape} for readings of shape {self.measured.shape}; give "
+                "one prediction for each reading"
+            )
+
+    def residuals_with(self, theta: Mapping[str, Any], errors: Any) -> Any:
+        """(prediction - reading) / error, (M,), traced or of numbers.
+
+        Args:
+          theta: by variable.
+          errors: standard deviations of the readings, (M,).
+        """
+        if self.traced:
+            return self._traced(theta, errors)
+        return (self.predict(theta) - self.measured) / np.asarray(errors)
+
+    def _traced(self, theta: Mapping[str, Any], errors: Any) -> Array:
+        predicted = jnp.atleast_1d(jnp.asarray(self.simulator.predict(self._values(theta)), float))
+        self._refuse_shape(predicted.shape)
+        return predicted if errors is None else (predicted - jnp.asarray(self.measured)) / errors
+
+    def with_scatter(self, found: Fit) -> "SimulatorProblem":
+        """The problem with the scatter that the residuals of a fit give.
+
+        Raises:
+          InputError: as many values are fitted as there are readings.
+        """
+        free = self.measured.size - float(leverages(found.jacobian, found.prior_precision).sum())
+        if free < FEWEST_FREE - 1e-6:
+            raise InputError(
+                f"errors: are left out, and {self.measured.size} readings less what is fitted to "
+                "them do not tell their scatter; state errors, or give more readings"
+            )
+        least = LEAST_SCATTER * (float(np.abs(self.measured).max()) or 1.0)
+        estimated = scale_of(uncapped(found) * self.errors, free, found.robust is not None)
+        scatter = Scatter(max(estimated, least), free, "fit")
+        errors = np.full(self.measured.shape, scatter.value)
+        experiment = replace(self.experiment, standard_deviations=errors, scatter=scatter)
+        return replace(self, experiment=experiment)
+
+    def with_freedom(self, estimated: "SimulatorProblem") -> "SimulatorProblem":
+        """The problem with its own errors, and the degrees of freedom that the end tells."""
+        experiment = replace(self.experiment, scatter=estimated.experiment.scatter)
+        return replace(self, experiment=experiment)
+
+    def refuse_untrue_slopes(self, found: Fit) -> None:
+        """Refuses a traced function that is not the one that is called.
+
+        One that stops gradients, or remembers what it was traced with, has slopes of zero.
+
+        Raises:
+          InputError: predictions, or a slope that is zero, differ from those of plain calls.
+        """
+        if not self.traced or not np.isfinite(found.values).all():
+            return
+        remedy = "give differentiable=False for slopes by finite differences"
+        called = self.predict(found.theta)
+        traced = self.measured + uncapped(found) * self.errors
+        allowed = AGREES_WITHIN * np.abs(called).max()
+        if np.abs(called - traced).max() > allowed:
+            place = int(np.argmax(np.abs(called - traced)))
+            raise InputError(
+                f"predict: gives {called[place]:.6g} where it is called and {traced[place]:.6g} "
+                f"where JAX traces it; {remedy}"
+            )
+        for one, slopes in zip(self.experiment.parameters, found.jacobian.T, strict=True):
+            if slopes.any():
+                continue
+            moved = self.predict({**found.theta, one.variable: found.theta[one.variable] * MOVED})
+            if np.abs(moved - called).max() > 1e-3 * allowed:
+                raise InputError(
+                    f"predict: depends on {one.name}, of which its derivative by JAX is zero; "
+                    f"{remedy}"
+                )
+
+
+def fit_simulator(
+    simulator: Simulator,
+    *,
+    starts: int = 1,
+    seed: int = 0,
+    robust: float | None = None,
+    progress: bool = False,
+    checkpoint: str | Path | None = None,
+) -> tuple[SimulatorProblem, Fit]:
+    """The fit of a simulator, and the problem whose residuals it knows.
+
+    Args:
+      simulator: the function and its readings.
+      starts, seed, robust, progress: as for `fit`.
+      checkpoint: folder that keeps what the function gave, as for `fit`.
+
+    Raises:
+      InputError: a function that cannot be fitted, or a checkpoint of another fit.
+    """
+    refuse_foreign(checkpoint)
+    problem = SimulatorProblem.of_simulator(simulator)
+    residuals, near, places = problem.residuals_with, problem.start, starts
+
+    def fit_errors(with_errors: SimulatorProblem, number: int) -> Fit:
+        nonlocal near, places
+        found = fit(
+            residuals,
+            near,
+            data=with_errors.errors,  # as data: one compiled program for all rounds
+            priors=problem.priors,
+            bounds=problem.bounds,
+            starts=places,
+            seed=seed,
+            robust=robust,
+            differentiable=problem.traced,
+            step=simulator.step,
+            progress=progress,
+            checkpoint=checkpoint and Path(checkpoint) / f"scatter-{number}",
+        )
+        near, places = found.theta, 1
+        return replace(found, places=starts)
+
+    if simulator.errors is None:
+        problem, found = fit_with_scatter(
+            problem, fit_errors, SimulatorProblem.with_scatter, SimulatorProblem.with_freedom
+        )
+    else:
+        found = fit_errors(problem, 0)
+    problem.refuse_untrue_slopes(found)
+    return problem, found
