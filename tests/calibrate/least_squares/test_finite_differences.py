@@ -44,7 +44,12 @@ def exact_slopes():
 @pytest.mark.parametrize(
     "function, within, step",
     # (eps / h + h^2 / 6) times some curvature; of rounded ones half a digit of four, over 2 h.
-    [(residuals, 1e-8, 2.4e-5), (rounded(7), 2e-4, 6e-3), (rounded(4), 2e-2, 0.1)],
+    [
+        (residuals, 1e-8, 2.4e-5),
+        (rounded(7), 2e-4, 6e-3),
+        (rounded(4), 2e-2, 0.1),
+        (rounded(3), 0.1, 0.1),
+    ],
 )
 def test_the_step_follows_from_the_digits_of_the_residuals(function, within, step):
     differences, jacobian, value = slopes_at_the_start(function)
@@ -63,9 +68,9 @@ def test_slopes_are_of_second_order():
 
 
 def test_a_prior_is_one_more_row():
-    prior = {"k": LogNormal(2.0, 0.5)}
+    prior = {"a": LogNormal(1.0, 0.1), "k": LogNormal(2.0, 0.5)}
     _, jacobian, value = slopes_at_the_start(residuals, priors=prior)
-    np.testing.assert_allclose(jacobian[-1], [0.0, 2.0])
+    np.testing.assert_allclose(jacobian[-2:], [[10.0, 0.0], [0.0, 2.0]])
     assert value[-1] == pytest.approx(-np.log(2.0) / 0.5)
 
 
