@@ -1,6 +1,5 @@
-"""The tube in one dimension as a forward model."""
+"""The tube in one dimension as a forward model: Kynch's theory, without a grid."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import jax
@@ -17,15 +16,7 @@ from calibrate.models.prediction import (
     terminal_velocities,
 )
 from mrjax import InputError
-from mrjax.core.tracing import value_or_none
-
-CELLS = 200
-"""Of a column: its mudline is then within 0.4 % of the height where layers spread or the bed is
-met, and exact before and after."""
-
-STEPS_TO_SPARE = 4
-"""How many times faster than where it is prepared a fit may make the particles fall; beyond,
-predictions are not a number while a fit traces them, and its search turns back."""
+from mrjax.continuum import characteristics, column_checks, kynch
 
 
 def column(
@@ -34,31 +25,39 @@ def column(
     seed: int = 0,
     varied: tuple[str, ...] = (),
     checkpoint: Path | None = None,
-    *,
-    cells: int = CELLS,
 ) -> ForwardModel:
     """The tube as a column of layers, each with the drag of its own volume fraction (Kynch 1952).
 
-    Without local drag in the recipe it is the closed form, by finite volumes.
+    Exact, by the characteristics that meet the mudline: what `mrjax.column` comes to with ever more
+    cells, at a cost that does not grow with the time of a reading. Without local drag in the recipe
+    it is the closed form.
 
     Raises:
-      InputError: the volume fraction of the bed is not known, or particles are of several sizes.
+      InputError: the volume fraction of the bed is not known, particles are of several sizes, or do
+        not settle at every fraction up to that of the bed.
     """
     bed = simulated_fraction(sample, near, seed, varied, checkpoint)
-    steps = 0
+    times, height = jnp.asarray(sample.times, float), jnp.asarray(sample.height, float)
+
+    def flux_of(suspension: Suspension) -> kynch.Table:
+        densest = jnp.asarray(fraction_of_bed(suspension, bed), float)
+        initial = suspension.volume_fraction
+        return kynch.table(suspension.parameters, suspension.hindrance, initial, densest)
+
     if sample.times:
         refuse_several_sizes(sample, near)
-        known = replace(near, bed_fraction=fraction_of_bed(near, bed))
-        steps = STEPS_TO_SPARE * mrjax.column_steps(**_tube(sample, known, cells))
+        column_checks.refuse_not_settling(flux_of(near))
 
+    @jax.jit  # one program for calls with plain numbers, too
     def predict(suspension: Suspension) -> Prediction:
         velocity = jnp.mean(mrjax.terminal_velocity(suspension.parameters))
         final = final_ratio(suspension, bed)
         ratio = jnp.zeros(0)
         if sample.times:
-            whole = replace(suspension, bed_fraction=fraction_of_bed(suspension, bed))
-            tube = _tube(sample, whole, cells)
-            ratio = mrjax.column(**tube, steps=_enough(steps, tube)).mudline / sample.height
+            flux = flux_of(suspension)
+            # A factor, not a `where`: derivatives are not a number, either.
+            possible = jnp.where(column_checks.settles(flux), 1.0, jnp.nan)
+            ratio = possible * characteristics.mudline(flux, height, times) / height
         velocities = terminal_velocities(sample, suspension)
         return prediction(sample, suspension, velocity, final, ratio, velocities)
 
@@ -87,22 +86,3 @@ def refuse_several_sizes(sample: Sample, near: Suspension) -> None:
         f"sample {sample.name!r}: the particles of its recipe are of several sizes, and a column "
         f"settles as equal ones; give {instead}, or fit with another model"
     )
-
-
-def _tube(sample: Sample, suspension: Suspension, cells: int) -> dict:
-    return {
-        "parameters": suspension.parameters,
-        "height": sample.height,
-        "volume_fraction": suspension.volume_fraction,
-        "bed_fraction": suspension.bed_fraction,
-        "times": jnp.asarray(sample.times, float),
-        "hindrance": suspension.hindrance,
-        "cells": cells,
-    }
-
-
-def _enough(steps: int, tube: dict) -> int:
-    """The steps of a fit, or more where it is known that these are too few."""
-    if any(value_or_none(leaf) is None for leaf in jax.tree.leaves(tube)):
-        return steps
-    return max(steps, mrjax.column_steps(**tube))

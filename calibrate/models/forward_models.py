@@ -5,9 +5,6 @@ vary, and a folder that keeps a bed as it is simulated; it gives a function of a
 predictions in SI units. What does not depend on what varies is done once.
 """
 
-from functools import partial
-
-from calibrate.models.characteristics import characteristics
 from calibrate.models.closed_form import closed_form
 from calibrate.models.column import column
 from calibrate.models.particles import particles
@@ -21,18 +18,20 @@ FORWARD_MODELS: dict[str, ForwardModelMaker] = {
 }
 """The forward models by the names of the command line."""
 
-FOR_SEARCHES: tuple[tuple[ForwardModelMaker, ForwardModelMaker], ...] = (
-    (closed_form, closed_form),
-    (column, characteristics),
-    (particles, closed_form),
-)
-"""For each, the cheap one that predicts nearly the same: a search asks it thousands of times."""
+CHEAP: dict[ForwardModelMaker, ForwardModelMaker] = {
+    closed_form: closed_form,
+    column: column,
+    particles: closed_form,
+}
+"""For each, one that predicts nearly the same at no cost: a search asks it thousands of times."""
+
+HOLD_EVERYWHERE: tuple[ForwardModelMaker, ...] = (closed_form, column)
+"""Those that hold far from where they are prepared, too."""
 
 
-def model_for_searches(make: ForwardModelMaker) -> ForwardModelMaker | None:
+def cheap_model(make: ForwardModelMaker) -> ForwardModelMaker | None:
     """The cheap model of another; None of a user's own."""
-    whole = make.func if isinstance(make, partial) else make
-    return next((cheap for one, cheap in FOR_SEARCHES if one is whole), None)
+    return next((cheap for one, cheap in CHEAP.items() if one is make), None)
 
 
 def forward_model(model: str | ForwardModelMaker) -> ForwardModelMaker:

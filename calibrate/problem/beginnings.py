@@ -10,7 +10,7 @@ from calibrate.least_squares.optima import Optimum
 from calibrate.least_squares.scout import DRAWN, scout
 from calibrate.least_squares.unknowns import unknowns
 from calibrate.models.bed import needs_a_bed
-from calibrate.models.forward_models import forward_model, model_for_searches
+from calibrate.models.forward_models import cheap_model, forward_model
 from calibrate.models.prediction import ForwardModelMaker
 from calibrate.problem.initial_slope import with_initial_slopes
 from calibrate.problem.problem import Problem
@@ -20,8 +20,7 @@ Theta = OrderedDict[str, float]
 MOST = 3
 """Optima from which a fit begins."""
 TIMES_WORSE, WORSE = 1.05, 2.0
-"""Loss up to which an optimum could be the best by the model itself. A column of 200 cells and its
-characteristics differ by 0.5 % in it."""
+"""Loss up to which an optimum of the cheap model could be the best of the model itself."""
 
 
 class Beginnings(NamedTuple):
@@ -30,7 +29,7 @@ class Beginnings(NamedTuple):
     promising: list[Theta]
     """Values, by variable, best first; one at least."""
     others: list[Optimum]
-    """Optima of the cheap model that are much worse."""
+    """Optima of the cheap model that are much worse; finished where that is the model itself."""
     places: int
     """Places from which optima were looked for; 0 without a cheap model."""
 
@@ -51,7 +50,8 @@ def beginnings(
     Raises:
       InputError: as `Problem.prepare`.
     """
-    cheap = model_for_searches(forward_model(model))
+    make = forward_model(model)
+    cheap = cheap_model(make)
     if _simulates_a_bed(experiment):
         cheap = None
     models = Problem.prepare(experiment, cheap, seed).models if cheap else ()
@@ -68,9 +68,8 @@ def beginnings(
         return Beginnings([theta(np.exp(places[0]))], [], 0)
     limit = TIMES_WORSE * found[0].loss + WORSE
     promising = [one for one in found[:MOST] if one.loss <= limit]
-    return Beginnings(
-        [theta(one.values) for one in promising], found[len(promising) :], len(places)
-    )
+    others = [one._replace(finished=cheap is make) for one in found[len(promising) :]]
+    return Beginnings([theta(one.values) for one in promising], others, len(places))
 
 
 def _simulates_a_bed(experiment: Experiment) -> bool:

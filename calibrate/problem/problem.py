@@ -15,8 +15,7 @@ from calibrate.experiment.sample import Measurement, Sample
 from calibrate.experiment.suspension import Suspension
 from calibrate.least_squares.priors import LogNormal
 from calibrate.models.bed import can_be
-from calibrate.models.closed_form import closed_form
-from calibrate.models.forward_models import forward_model
+from calibrate.models.forward_models import HOLD_EVERYWHERE, forward_model
 from calibrate.models.prediction import (
     ForwardModel,
     ForwardModelMaker,
@@ -28,7 +27,7 @@ from mrjax.io.checkpoint import refuse_foreign
 
 HOLDS_WITHIN = 3.0
 """Factor on the velocity within which a forward model holds that is prepared for another: a run of
-particles still forgets its start to 1e-5, and a column has steps enough."""
+particles still forgets its start to 1e-5."""
 
 
 @dataclass(frozen=True)
@@ -57,8 +56,7 @@ class Problem:
 
         Args:
           experiment: samples and parameters.
-          model: the name of a forward model, or one like those beside it, such as
-            `partial(predict.column, cells=100)`.
+          model: the name of a forward model, or a function like those of `calibrate.models`.
           seed: of the random starts of particles.
           near: values, by variable, near which it will be asked; left out, the starts.
           checkpoint: folder that keeps beds as they are simulated, as for `mrjax.settle`.
@@ -88,7 +86,7 @@ class Problem:
                 for number, sample in enumerate(experiment.samples)
             ),
             near,
-            make is closed_form,
+            make in HOLD_EVERYWHERE,
         )
 
     def holds_at(self, theta: Mapping[str, float]) -> bool:

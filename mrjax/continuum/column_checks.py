@@ -73,13 +73,32 @@ def possible(case: Case, flux: kynch.Table) -> Array:
     """True, (), for arguments that `refuse` would pass, and particles that settle; traced."""
     times = case.times
     ascending = jnp.all(jnp.diff(times) > 0.0) & (times[0] >= 0.0) & (times[-1] > 0.0)
-    settles = jnp.all(jnp.isfinite(flux.flux) & (flux.flux >= 0.0))
     within = jnp.asarray(True)
     for bound in bounds(case):
         within = within & (bound.value > 0.0)
         if bound.limit is not None:
             within = within & (bound.value < bound.limit)
-    return ascending & within & settles
+    return ascending & within & settles(flux)
+
+
+def settles(flux: kynch.Table) -> Array:
+    """True, (), if particles settle, or rest, at every volume fraction of a table."""
+    return jnp.all(jnp.isfinite(flux.flux) & (flux.flux >= 0.0))
+
+
+def refuse_not_settling(flux: kynch.Table) -> None:
+    """Passes a flux, in m/s, of particles that settle, or rest, at every volume fraction.
+
+    Raises:
+      InputError: they do not; names the first such fraction.
+    """
+    for fraction, solid in zip(np.asarray(flux.fraction), np.asarray(flux.flux), strict=True):
+        if not 0.0 <= solid < np.inf:
+            raise InputError(
+                f"at a volume fraction of {fraction:.3g} the particles would settle at "
+                f"{solid / fraction:.3g} m/s; give a hindrance that holds up to bed_fraction = "
+                f"{float(flux.fraction[-1]):.3g}, in a viscous fluid"
+            )
 
 
 def _refuse_number(bound: Bound) -> None:

@@ -92,27 +92,6 @@ def bed_contact_fraction(flux_table: Table, full: Array) -> Array:
     return fraction[jnp.argmin(speed)]
 
 
-def mudline(flux_table: Table, height: Array, times: Array) -> Array:
-    """Height of what was uniform, without a grid; m, (T,).
-
-    h(t) = MAX over phi from phi_0 to phi_m of (phi_0 H - f(phi) t) / phi
-
-    Hopf (1965): of all solids, phi_0 H, the MIN over phi of f(phi) t + phi z lie below z. Exact
-    where denser suspensions fall more slowly.
-
-    Args:
-      flux_table: f, in m/s.
-      height: H, m, ().
-      times: s, (T,).
-    """
-    fraction, flux = flux_table.fraction[INTERVALS:], flux_table.flux[INTERVALS:]
-    solids = flux_table.initial * height
-    # The derivative of a `max` hangs on which of its arguments equal it, to the last bit.
-    level = (solids - flux[None] * times[:, None]) / fraction[None]
-    top = jnp.argmax(lax.stop_gradient(level), axis=1)
-    return (solids - flux[top] * times) / fraction[top]
-
-
 def slope_limited(flux_table: Table, slope: Array) -> Table:
     """f~, the largest flux below f that has slopes up to `slope`, in the unit of the flux."""
     distance = jnp.abs(flux_table.fraction[:, None] - flux_table.fraction[None, :])

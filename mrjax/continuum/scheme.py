@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
-from mrjax.continuum import column_checks, compression, interfaces, kynch
+from mrjax.continuum import characteristics, column_checks, compression, interfaces, kynch
 from mrjax.continuum.case import Case
 from mrjax.continuum.profile import Column
 from mrjax.core.parameters import Parameters
@@ -23,6 +23,9 @@ from mrjax.laws import particle
 
 REACH = 0.5
 """Most cells that a front may cross in a step: each half of a cell is a cell to its own face."""
+
+AT_REST = 4.0
+"""Times the rest time of the exact solution, by which the cells of a rigid bed rest, too."""
 
 Carry = tuple[Array, Array, Array]
 """Volume fractions, their rounding errors, and the profiles recorded so far."""
@@ -34,9 +37,11 @@ def solve(case: Case, *, cells: int, steps: int) -> Column:
     case, rising = case.sinking()
     initial, densest = case.volume_fraction, case.bed_fraction
     cell = case.height / cells
-    flux = _flux(case, cells, steps)
+    si = kynch.table(case.parameters, case.hindrance, initial, densest)
+    times = until_rest(case, si)
+    flux = si._replace(flux=si.flux * (times[-1] / steps / cell))  # in cells per step
     courant = fastest_front(case, flux)
-    profiles = _profiles(case, flux, cells, steps)
+    profiles = _profiles(case._replace(times=times), flux, cells, steps)
     full = densest
     if case.compression is not None:
         full = jnp.minimum(full, case.compression.gel_fraction)
@@ -63,10 +68,17 @@ def solve(case: Case, *, cells: int, steps: int) -> Column:
     )
 
 
-def _flux(case: Case, cells: int, steps: int) -> kynch.Table:
-    """f(phi) in cells per step."""
-    si = kynch.table(case.parameters, case.hindrance, case.volume_fraction, case.bed_fraction)
-    return si._replace(flux=si.flux * (case.times[-1] / steps * cells / case.height))
+def until_rest(case: Case, flux: kynch.Table) -> Array:
+    """The times, s, (T,): those at which a rigid bed rests are one.
+
+    Args:
+      case: of particles that sink.
+      flux: f, in m/s.
+    """
+    if case.compression is not None:
+        return jnp.asarray(case.times)
+    rest = lax.stop_gradient(characteristics.rest_time(flux, jnp.asarray(case.height)))
+    return jnp.minimum(jnp.asarray(case.times), AT_REST * rest)
 
 
 def fastest_front(case: Case, flux: kynch.Table) -> Array:

@@ -6,9 +6,9 @@ import jax
 import numpy as np
 from jax import Array
 
-from mrjax.continuum import kynch
+from mrjax.continuum import column_checks, kynch
 from mrjax.continuum.case import Case
-from mrjax.continuum.scheme import REACH, fastest_front
+from mrjax.continuum.scheme import REACH, fastest_front, until_rest
 from mrjax.core.errors import InputError
 from mrjax.core.tracing import drop_tracers, evaluated_or_none
 
@@ -26,16 +26,9 @@ def fewest_steps(case: Case, cells: int) -> float | None:
     evaluated = evaluated_or_none(lambda case: (*_speeds(case), case), drop_tracers(case))
     if evaluated is None:
         return None
-    flux, speed, numbers = evaluated
-    for fraction, solid in zip(np.asarray(flux.fraction), np.asarray(flux.flux), strict=True):
-        if not 0.0 <= solid < np.inf:
-            raise InputError(
-                f"at a volume fraction of {fraction:.3g} the particles would settle at "
-                f"{solid / fraction:.3g} m/s; give a hindrance that holds up to bed_fraction = "
-                f"{float(numbers.bed_fraction):.3g}, in a viscous fluid"
-            )
-    last, height = (float(np.ravel(array)[-1]) for array in (numbers.times, numbers.height))
-    return float(speed) * last / height * cells / REACH
+    flux, speed, last, numbers = evaluated
+    column_checks.refuse_not_settling(flux)
+    return float(speed) * float(last) / float(np.ravel(numbers.height)[-1]) * cells / REACH
 
 
 def chosen_steps(fewest: float | None) -> int:
@@ -60,8 +53,8 @@ def chosen_steps(fewest: float | None) -> int:
 
 
 @jax.jit
-def _speeds(case: Case) -> tuple[kynch.Table, Array]:
-    """The flux and the fastest front, m/s."""
+def _speeds(case: Case) -> tuple[kynch.Table, Array, Array]:
+    """The flux and the fastest front, m/s, and the last time at which anything moves, s."""
     case, _ = case.sinking()
     flux = kynch.table(case.parameters, case.hindrance, case.volume_fraction, case.bed_fraction)
-    return flux, fastest_front(case, flux)
+    return flux, fastest_front(case, flux), until_rest(case, flux)[-1]

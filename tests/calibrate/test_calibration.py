@@ -5,7 +5,6 @@ from collections import OrderedDict
 from functools import partial
 from importlib import resources
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -20,6 +19,7 @@ from calibrate.problem.beginnings import Beginnings
 from calibrate.problem.solve import fit_experiment
 from calibrate.report import formatting
 from mrjax.laws import drag
+from tests.builders.coarse_column import coarse_column
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 
@@ -372,18 +372,17 @@ FREE_SHAPE = 'name = "f_s"\nmedian = {}'
 @pytest.mark.slow
 def test_a_model_is_prepared_again_where_the_fit_leads(tube):
     """From a median from which the column has too few steps: the same end."""
-    coarse = partial(calibrate.FORWARD_MODELS["column"], cells=20)
     ends = []
     for median in (1.1, 40.0):
         shape = FREE_SHAPE.format(median)
         tube.write_text(TUBE.replace('name = "f_s"\nvalue = 1.1', shape))
-        problem, found = fit_experiment(Experiment.load(tube), coarse)
+        problem, found = fit_experiment(Experiment.load(tube), coarse_column)
         assert found.converged and problem.holds_at(found.theta)
         assert not problem.holds_at({**found.theta, "f_s": 16.0 * found.theta["f_s"]})
         ends.append(found.theta["f_s"])
     # A fit has converged at 0.01 of its error, which is 40 % here: the exponent's prior is in it.
     assert float(ends[1]) == near(float(ends[0]), rel=0.02)
-    _, begun = fit_experiment(Experiment.load(tube), coarse, begin_with="closed-form")
+    _, begun = fit_experiment(Experiment.load(tube), coarse_column, begin_with="closed-form")
     assert float(begun.theta["f_s"]) == near(float(ends[1]), rel=0.02)
 
 
@@ -395,8 +394,7 @@ def test_a_fit_that_leads_far_from_where_its_model_holds_has_not_converged(tube,
         lambda experiment, *_: Beginnings([experiment.start], [], 0),
     )
     tube.write_text(TUBE.replace('name = "f_s"\nvalue = 1.1', FREE_SHAPE.format(0.5)))
-    coarse = partial(calibrate.FORWARD_MODELS["column"], cells=20)
-    problem, found = fit_experiment(Experiment.load(tube), coarse)
+    problem, found = fit_experiment(Experiment.load(tube), coarse_column)
     assert not problem.holds_at(found.theta) and not found.converged
     by_itself = calibrate.fit(problem.residuals, problem.near, priors=problem.priors)
     assert by_itself.converged
@@ -470,28 +468,12 @@ def test_parameters_of_one_name_have_labels_of_their_own():
 
 
 def test_a_model_may_be_given_as_such(tube):
-    """And with fewer cells the mudline is that of `mrjax.column` with as few."""
+    """One that takes the tube by finite volumes: exact where the suspension falls, and at rest."""
     experiment = Experiment.load(tube)
-    start = {one.variable: one.start for one in experiment.parameters}
-    problem = Problem.prepare(experiment, partial(calibrate.FORWARD_MODELS["column"], cells=20))
-    (sample,) = experiment.samples
-    of = experiment.suspension_of(sample, start)
-    tube_of = dict(
-        height=0.1, volume_fraction=of.volume_fraction, bed_fraction=of.bed_fraction,
-        times=np.array(sample.times), hindrance=of.hindrance, cells=20,
-    )  # fmt: skip
-    steps = 4 * mrjax.column_steps(of.parameters, **tube_of)
-    expected = 1e3 * mrjax.column(of.parameters, **tube_of, steps=steps).mudline
-    np.testing.assert_allclose(problem.predict(start)[1:], expected, rtol=1e-9)
-
-
-def test_a_column_far_faster_than_expected(tube):
-    """Plain calls take the steps that it needs; in a fit, whose steps are fixed, it is NaN."""
-    experiment = Experiment.load(tube)
-    problem = Problem.prepare(experiment, partial(calibrate.FORWARD_MODELS["column"], cells=20))
-    fast = {**problem.start, "f_w.exponent": 0.1}
-    assert np.isfinite(problem.predict(fast)).all()
-    assert not np.isfinite(jax.jit(problem.predict)(fast)).all()
+    of_own, of_column = (Problem.prepare(experiment, model) for model in (coarse_column, "column"))
+    predicted, exact = (problem.predict(problem.start) for problem in (of_own, of_column))
+    np.testing.assert_allclose(predicted[1:], exact[1:], rtol=1e-9)
+    assert of_column.everywhere and not of_own.everywhere
 
 
 def test_a_column_of_several_sizes_is_refused_by_the_name_of_its_sample(tube):

@@ -8,7 +8,6 @@ that truth with the stated errors. Of N sets the share whose 68 % interval holds
 import csv
 from collections import OrderedDict
 from collections.abc import Sequence
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,6 @@ from calibrate.experiment.experiment import Experiment
 from calibrate.inference.identify import identify
 from calibrate.inference.profile import LEVELS, profiles
 from calibrate.least_squares.fit import Fit, fit
-from calibrate.models import column
 from calibrate.problem.problem import Problem
 
 PROFILE, CURVATURE = "profile", "curvature"
@@ -30,8 +28,6 @@ SETS = {
 }
 """Number of data sets, by experiment, model and how intervals are found: by profile likelihood, or
 as standard errors from the curvature at the optimum, which takes a tenth of the time."""
-CELLS = 100
-"""Of the column, in which data are made and fitted alike."""
 FILE = Path(__file__).parent / "coverage.csv"
 CHANCE = 0.01
 """Of a share outside its limits where the intervals are right."""
@@ -41,8 +37,7 @@ def measured(experiment: str, model: str, by: str, sets: Sequence[int]) -> list[
     """A line for each of the numbered data sets, each with random numbers of its own, and each
     parameter: whether its intervals hold the truth.
     """
-    forward = partial(column.column, cells=CELLS) if model == "column" else model
-    problem = Problem.prepare(Experiment.load(experiment), forward)
+    problem = Problem.prepare(Experiment.load(experiment), model)
     errors = np.array([one.standard_deviation for _, one in problem.measurements])
     rows = []
     for number in tqdm(sets, desc=f"{experiment}, {model}"):
