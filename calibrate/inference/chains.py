@@ -50,8 +50,7 @@ class Sampler:
 
     Args:
       log_density: of a position, (P,).
-      size: P.
-      chains: C.
+      positions: where its chains begin, (C, P).
       seed: of all random numbers.
       warm_up: steps by which the chains are adapted.
       draws: steps after those.
@@ -60,9 +59,8 @@ class Sampler:
     def __init__(
         self,
         log_density: Callable[[Array], Array],
-        size: int,
+        positions: np.ndarray,
         *,
-        chains: int,
         seed: int,
         warm_up: int,
         draws: int,
@@ -70,10 +68,9 @@ class Sampler:
         from blackjax.adaptation.window_adaptation import build_schedule
 
         self.warm_up, self.length = warm_up, warm_up + draws
+        chains, size = positions.shape
         keys = jax.random.split(randomness.key(seed), chains)
-        first, adapting, drawing = jnp.moveaxis(
-            jax.vmap(partial(jax.random.split, num=3))(keys), 1, 0
-        )
+        adapting, drawing = jnp.moveaxis(jax.vmap(jax.random.split)(keys), 1, 0)
         self._keys = jnp.concatenate(
             [
                 jax.vmap(partial(jax.random.split, num=number))(key)
@@ -84,9 +81,9 @@ class Sampler:
         windows = np.asarray(build_schedule(warm_up)).reshape(-1, 2)
         still = np.zeros((draws, 2))
         self._windows = jnp.asarray(np.vstack([windows, still]), bool)
-        self._begin = jax.jit(jax.vmap(partial(_begun, log_density, size)))
+        self._begin = jax.jit(jax.vmap(partial(_begun, log_density)))
         self._advance = jax.jit(partial(_advanced, log_density, size, warm_up))
-        self._first = first
+        self._first = jnp.asarray(positions, float)
 
     def begin(self) -> Chain:
         """The chains before their first step."""
@@ -136,13 +133,13 @@ def _adaptations() -> tuple[tuple, tuple]:
     return dual_averaging_adaptation(ACCEPTANCE), mass_matrix_adaptation(False)
 
 
-def _begun(log_density: Callable, size: int, key: Array) -> Chain:
-    """A chain at a random position of the unit normal distribution."""
+def _begun(log_density: Callable, position: Array) -> Chain:
+    """A chain at a position, (P,)."""
     import blackjax
 
     (step_size, *_), (mass, *_) = _adaptations()
-    state = blackjax.nuts.init(jax.random.normal(key, (size,), float), log_density)
-    return _plain(Chain(state, step_size(1.0), mass(size)))
+    state = blackjax.nuts.init(position, log_density)
+    return _plain(Chain(state, step_size(1.0), mass(position.size)))
 
 
 def _plain(chains: Chain) -> Chain:

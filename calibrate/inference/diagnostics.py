@@ -1,4 +1,4 @@
-"""Agreement of chains: rank-normalised split R-hat, of values and of folded values.
+"""Agreement of chains and what their draws are worth, by `arviz-stats`.
 
 Vehtari, Gelman, Simpson, Carpenter & Buerkner, Bayesian Analysis 16, 667 (2021). Ranks make R-hat
 finite for any tail; half chains find one that drifts; distances from the median, folded, find
@@ -6,8 +6,6 @@ chains that agree in their middle and not in their spread, such as one that neve
 """
 
 import numpy as np
-from scipy.special import ndtri
-from scipy.stats import rankdata
 
 
 def r_hat(draws: np.ndarray) -> np.ndarray:
@@ -16,34 +14,16 @@ def r_hat(draws: np.ndarray) -> np.ndarray:
     Args:
       draws: of C chains of N draws each, (C, N, P).
     """
-    halves = split(draws)
-    folded = np.abs(halves - np.median(halves, axis=(0, 1)))
+    from arviz_stats.base import array_stats
+
     with np.errstate(invalid="ignore", divide="ignore"):
-        return np.maximum(_r_hat(normalised(halves)), _r_hat(normalised(folded)))
+        return np.asarray(array_stats.rhat(draws, chain_axis=0, draw_axis=1))
 
 
-def split(draws: np.ndarray) -> np.ndarray:
-    """Every chain as two of half its length, (2 C, N // 2, P)."""
-    half = draws.shape[1] // 2
-    return np.concatenate([draws[:, :half], draws[:, half : 2 * half]])
+def effective(draws: np.ndarray) -> np.ndarray:
+    """Independent draws that draws, (C, N, P), are worth, in their middle or tails; (P,)."""
+    from arviz_stats.base import array_stats
 
-
-def normalised(draws: np.ndarray) -> np.ndarray:
-    """Draws, (C, N, P), by their ranks among all, as a normal distribution would have them."""
-    chains, number, values = draws.shape
-    ranks = rankdata(draws.reshape(-1, values), axis=0)
-    return ndtri((ranks - 0.375) / (chains * number + 0.25)).reshape(draws.shape)
-
-
-def _r_hat(draws: np.ndarray) -> np.ndarray:
-    """Root of the variance of all over that within chains, (P,)."""
-    number = draws.shape[1]
-    within = draws.var(axis=1, ddof=1).mean(axis=0)
-    between = draws.mean(axis=1).var(axis=0, ddof=1)
-    return np.sqrt((number - 1) / number + between / within)
-
-
-def tails(draws: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Indicators, 0 or 1, of draws up to the 5th and up to the 95th percentile."""
-    low, high = np.quantile(draws, [0.05, 0.95], axis=(0, 1))
-    return (draws <= low).astype(float), (draws <= high).astype(float)
+    axes = {"chain_axis": 0, "draw_axis": 1}
+    middle = array_stats.ess(draws, **axes)
+    return np.minimum(middle, array_stats.ess(draws, **axes, method="tail", prob=(0.05, 0.95)))

@@ -1,54 +1,83 @@
-"""Samples of the posterior by NUTS (blackjax), with what tells whether they are to be trusted.
+"""Samples of the posterior, with what tells whether they are to be trusted.
 
-The posterior of the logarithms is exp(-chi^2 / 2) with the priors among the residuals. It often
-is a long ridge: the mass matrix is dense, and begins as the curvature at the optimum.
+Importance sampling comes first: it needs some hundred runs of the model where the posterior is near
+what the curvature at its optima says. Where Pareto's k says that it is not, chains of NUTS follow
+(blackjax), which need gradients by the ten thousand.
 """
 
 import importlib.util
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-import jax.numpy as jnp
 import numpy as np
-from jax import Array
-from tqdm import tqdm
 
-from calibrate.inference import diagnostics
-from calibrate.inference.chains import MOST, Piece, Sampler, arrays
+from calibrate.inference import diagnostics, importance, nuts
 from calibrate.inference.curvature import information
-from calibrate.inference.identify import identify
+from calibrate.inference.density import Density, unbounded
+from calibrate.inference.importance import LEAST_EFFECTIVE
+from calibrate.inference.laplace import approximated
+from calibrate.inference.model_runs import ModelRuns
+from calibrate.inference.nuts import CHAINS, SAMPLES
 from calibrate.least_squares.fit import Fit
 from calibrate.least_squares.interruptible import stoppable
 from mrjax import InputError
-from mrjax.core import randomness
 from mrjax.core.promotion import relaxed_promotion
 from mrjax.io.checkpoint import Checkpoint, refuse_foreign
 
-CHAINS, WARM_UP, SAMPLES = 4, 300, 500
 FEWEST = 4
 """Samples of a chain whose halves can be compared."""
-LARGEST_R_HAT, LEAST_EFFECTIVE = 1.01, 400.0
-"""Vehtari et al. (2021): beyond these the samples are not to be used."""
+LARGEST_R_HAT = 1.01
+"""Vehtari et al. (2021): beyond it the samples are not to be used."""
+IMPORTANCE, NUTS = "importance sampling", "NUTS"
+METHODS = IMPORTANCE, NUTS
+
+SEPARATED = (
+    "the optima are separated: no chain left the one at which it began, so that their weights are "
+    "not known"
+)
+LOST = (
+    "an optimum that a cheap model found could not be looked at by the model itself, so that a "
+    "part of the posterior may be missing"
+)
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """Draws of all fitted values."""
+    """Draws of all fitted values, of equal weight."""
 
     names: tuple[str, ...]
     samples: np.ndarray
-    """Values, not logarithms; (CHAINS * SAMPLES, P), chain after chain."""
+    """Values, not logarithms; (CHAINS * SAMPLES, P), by NUTS chain after chain."""
     r_hat: np.ndarray
     """Spread between chains over that within them, 1 when they agree: split, by ranks, and the
-    greater of that of values and of their distances from the median; (P,)."""
+    greater of that of values and of their distances from the median; (P,). 1 by importance
+    sampling, which has no chains."""
     effective: np.ndarray
-    """Independent samples that they are worth, in their middle or tails, the less; (P,)."""
+    """Independent samples that they are worth, in their middle or tails, the less; (P,). By
+    importance sampling (sum w)^2 / sum w^2 of the weights w before they were made equal."""
     divergences: int
     """Steps that left the posterior; not 0: a part of it may be missing."""
+    method: str = NUTS
+    """`importance sampling` or `NUTS`."""
+    pareto_k: float | None = None
+    """Shape of the tail of the weights of importance sampling, also where NUTS followed it."""
+    faults: tuple[str, ...] = ()
+    """Sentences on what may be missing."""
 
     @property
     def converged(self) -> bool:
-        """True if the samples may be used: all chains agree, and none diverged."""
+        """True if the samples may be used.
+
+        By importance sampling: Pareto's k and the effective samples pass. By NUTS: all chains
+        agree, and none diverged. By both: no optimum is missing.
+        """
+        if self.faults:
+            return False
+        if self.method == IMPORTANCE:
+            passes = self.pareto_k is not None and self.pareto_k <= importance.LARGEST_K
+            return bool(passes and (self.effective >= LEAST_EFFECTIVE).all())
         with np.errstate(divide="ignore"):
             logs = np.log(self.samples)
         chains = logs.reshape(CHAINS, -1, len(self.names))
@@ -66,107 +95,135 @@ def posterior(
     samples: int = SAMPLES,
     checkpoint: str | Path | None = None,
     progress: bool = False,
+    *,
+    method: str | None = None,
+    scatter: Sequence[Sequence[int]] = (),
+    uniform: Sequence[str] = (),
 ) -> Posterior:
     """Samples the posterior of a fit.
 
-    The chains go on piece by piece, of half a second or one draw, and stop between two.
+    By importance sampling about all of its optima, and where that is not enough by NUTS. Both stop
+    between two runs of the model, or pieces of half a second.
 
     Args:
       fit: converged.
-      seed: of the chains.
-      samples: of each of the four chains, 4 at least.
+      seed: of all random numbers.
+      samples: a quarter of those that are given; 4 at least. NUTS has four chains.
       checkpoint: folder that keeps every fifty draws. Called again with it and the same arguments,
-        on the same machine, the chains go on, and end with the same bits.
-      progress: whether to show a progress bar, on standard error.
+        on the same machine, the work goes on, and ends with the same bits.
+      progress: whether to show a progress bar, and before it how long it may take, on standard
+        error.
+      method: `importance sampling` or `NUTS` alone; left out, the one and if need be the other.
+      scatter: places of the measurements whose common scale was estimated, by group: the scale is
+        not taken as known.
+      uniform: names of odds without a prior, whose shares may be anywhere alike.
 
     Raises:
-      InputError: blackjax is not installed, the posterior has no end, or a checkpoint of another.
+      InputError: a package is not installed, the posterior has no end, no such method, or a
+        checkpoint of another.
+
+    Example:
+      >>> import jax.numpy as jnp
+      >>> def residuals(theta):
+      ...     return (jnp.log(theta["a"])[None] - 1.0) / 0.1
+      >>> found = calibrate.inference.posterior.posterior(calibrate.fit(residuals, {"a": 2.0}))
+      >>> found.method, found.converged, np.log(found.samples).std().round(2)
+      ('importance sampling', True, 0.1)
     """
     refuse_foreign(checkpoint)
     if samples < FEWEST:
         raise InputError(f"samples = {samples}: must be at least {FEWEST}, to compare two halves")
+    if method is not None and method not in METHODS:
+        raise InputError(f"method = {method!r}: must be one of {', '.join(map(repr, METHODS))}")
     refuse_without_sampler()
-    _refuse_without_end(fit)
+    density = Density(
+        fit.everything,
+        fit.given,
+        fit.box,
+        tuple(np.asarray(places, int) for places in scatter),
+        np.array([fit.names.index(name) for name in uniform], int),
+    )
+    if endless := unbounded(fit, density):
+        raise InputError(
+            f"the posterior of {', '.join(endless)} has no end: no measurement and no prior "
+            "bounds it; give log_standard_deviation, or standard_deviation with bounds"
+        )
     work = None
     if checkpoint is not None:
         work = Checkpoint.of_work(
             Path(checkpoint),
             names=fit.names,
             values=fit.values,
+            optima=[one.values for one in fit.optima],
             seed=seed,
             samples=samples,
+            method=method,
+            scatter=density.scatter,
+            uniform=density.uniform,
             information=information(fit),
         )
         if (kept := work.load("samples")) is not None:
-            return _of_arrays(fit, kept[0])
-    whitened, best = _whitening(fit)
-
-    def log_density(position: Array) -> Array:
-        return -0.5 * jnp.sum(fit.everything(best + whitened @ position, fit.given) ** 2)
-
-    with stoppable(), relaxed_promotion(), randomness.ordered():
-        sampler = Sampler(
-            log_density, best.size, chains=CHAINS, seed=seed, warm_up=WARM_UP, draws=samples
-        )
-        drawn = _drawn(sampler, work, progress)
-        logs = np.asarray(best) + drawn.positions[:, WARM_UP:] @ np.asarray(whitened).T
-        summary = {
-            "samples": np.exp(logs).reshape(-1, best.size),
-            "r_hat": diagnostics.r_hat(logs),
-            "effective": _effective(logs),
-            "divergences": drawn.divergent[:, WARM_UP:].sum(),
-        }
+            return _of_arrays(fit, *kept)
+    with stoppable(), relaxed_promotion():
+        arrays, told = _sampled(fit, density, seed, samples, method, work, progress)
     if work is not None:
-        work.save("samples", summary)
-    return _of_arrays(fit, summary)
+        work.save("samples", arrays, told)
+    return _of_arrays(fit, arrays, told)
 
 
-def _drawn(sampler: Sampler, work: Checkpoint | None, progress: bool) -> Piece:
-    """All steps of the chains, those that were kept and the others."""
-    kept = None if work is None else work.sequence("chains")
-    earlier, left = ([], None) if kept is None else kept.resumed()
-    pieces = [Piece(piece["positions"], piece["divergent"]) for piece in earlier]
-    done = sum(piece.positions.shape[1] for piece in pieces)
-    chains = sampler.begin() if left is None else sampler.restored(left)
-    unkept: list[Piece] = []
-    with tqdm(
-        desc="posterior", total=sampler.length, initial=done, disable=not progress, leave=False
-    ) as bar:
-        for state, piece in sampler.pieces(chains, done):
-            done += piece.positions.shape[1]
-            bar.set_postfix_str("warm-up" if done < sampler.warm_up else "draws", refresh=False)
-            bar.update(piece.positions.shape[1])
-            unkept.append(piece)
-            if kept is not None and (done % MOST == 0 or done == sampler.length):
-                whole = _joined(unkept)
-                kept.append(whole._asdict(), arrays(state))
-                pieces, unkept = [*pieces, whole], []
-    return _joined([*pieces, *unkept])
+def _sampled(
+    fit: Fit,
+    density: Density,
+    seed: int,
+    samples: int,
+    method: str | None,
+    work: Checkpoint | None,
+    progress: bool,
+) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+    """The fields of a posterior: arrays, and the others."""
+    optima = approximated(fit, density)
+    runs = ModelRuns(density, work, progress, importance.FIRST)
+    faults, pareto_k = [LOST] * bool(optima.lost), np.nan
+    try:
+        if method != NUTS:
+            weighted = importance.sample(runs, optima.proposal, fit.box, seed)
+            pareto_k = weighted.pareto_k
+            if weighted.good or method == IMPORTANCE:
+                random = np.random.default_rng([seed, 1 + importance.ADAPTATIONS])
+                logs = weighted.equal(CHAINS * samples, random)
+                arrays = {
+                    "samples": np.exp(logs),
+                    "r_hat": np.ones(fit.values.size),
+                    "effective": np.full(fit.values.size, weighted.effective),
+                    "pareto_k": np.array(pareto_k),
+                }
+                return arrays, {"divergences": 0, "method": IMPORTANCE, "faults": faults}
+        drawn = nuts.sample(
+            density,
+            optima.proposal,
+            runs,
+            seed=seed,
+            samples=samples,
+            work=work,
+            progress=progress,
+        )
+    finally:
+        runs.close()
+    arrays = {
+        "samples": np.exp(drawn.logs).reshape(-1, fit.values.size),
+        "r_hat": diagnostics.r_hat(drawn.logs),
+        "effective": diagnostics.effective(drawn.logs),
+        "pareto_k": np.array(pareto_k),
+    }
+    faults += [SEPARATED] * drawn.separated
+    return arrays, {"divergences": drawn.divergences, "method": NUTS, "faults": faults}
 
 
-def _joined(pieces: list[Piece]) -> Piece:
-    return Piece(*(np.concatenate(arrays, axis=1) for arrays in zip(*pieces, strict=True)))
-
-
-def _effective(draws: np.ndarray) -> np.ndarray:
-    """Independent samples that draws, (C, N, P), are worth, in their middle or tails; (P,)."""
-    from blackjax.diagnostics import effective_sample_size
-
-    halves = diagnostics.split(draws)
-    each = (diagnostics.normalised(halves), *diagnostics.tails(halves))
-    sizes = [np.asarray(effective_sample_size(jnp.asarray(numbers))) for numbers in each]
-    return np.min(sizes, axis=0)
-
-
-def _of_arrays(fit: Fit, arrays: dict[str, np.ndarray]) -> Posterior:
-    """A posterior from its arrays."""
-    return Posterior(
-        fit.names,
-        arrays["samples"],
-        arrays["r_hat"],
-        arrays["effective"],
-        int(arrays["divergences"]),
-    )
+def _of_arrays(fit: Fit, arrays: dict[str, np.ndarray], told: dict[str, Any]) -> Posterior:
+    """A posterior from its fields, kept or new."""
+    k = float(arrays["pareto_k"])
+    told = told | {"faults": tuple(told["faults"]), "pareto_k": None if np.isnan(k) else k}
+    return Posterior(fit.names, **(arrays | told))
 
 
 def refuse_without_sampler() -> None:
@@ -175,21 +232,7 @@ def refuse_without_sampler() -> None:
     Raises:
       InputError: one is missing.
     """
-    for package in ("blackjax", "corner"):
+    for package in ("blackjax", "corner", "arviz_stats"):
         if importlib.util.find_spec(package) is None:
-            raise InputError(f"posterior samples need {package}: pip install 'mrjax[posterior]'")
-
-
-def _refuse_without_end(fit: Fit) -> None:
-    unbounded = [name for name, error in identify(fit).standard_errors.items() if np.isinf(error)]
-    if unbounded:
-        raise InputError(
-            f"the posterior of {', '.join(unbounded)} has no end: no measurement and no prior "
-            "bounds it; give log_standard_deviation, or standard_deviation with bounds"
-        )
-
-
-def _whitening(fit: Fit) -> tuple[Array, Array]:
-    """A square root of the covariance at the optimum, (P, P), and the optimum, (P,), in logs."""
-    strength, directions = np.linalg.eigh(information(fit))
-    return jnp.asarray(directions / np.sqrt(strength)), jnp.log(jnp.asarray(fit.values))
+            name = package.replace("_", "-")
+            raise InputError(f"posterior samples need {name}: pip install 'mrjax[posterior]'")

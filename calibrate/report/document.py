@@ -5,6 +5,7 @@ from typing import Any
 
 from matplotlib.figure import Figure
 
+from calibrate.inference.posterior import IMPORTANCE
 from calibrate.inference.profile import LEVELS
 from calibrate.report.formatting import (
     determination,
@@ -241,12 +242,18 @@ def _new_recipe(rows: list[dict[str, Any]] | None) -> str:
 def _posterior(posterior: dict[str, Any] | None) -> str:
     if posterior is None:
         return ""
-    verdict = (
-        "The samples of the posterior agree between chains"
-        if posterior["converged"]
-        else "**The samples of the posterior have not converged: do not use them**"
+    weighted = posterior["method"] == IMPORTANCE
+    verdict = "The samples of the posterior agree between chains"
+    if weighted:
+        verdict = "The weights of the samples of the posterior are even enough to rely on them"
+    if not posterior["converged"]:
+        verdict = "**The samples of the posterior have not converged: do not use them**"
+    effective = f"{posterior['effective_samples']:.0f} effective samples"
+    numbers = (
+        f"Pareto's k {posterior['pareto_k']:.2f}, {effective}; importance sampling"
+        if weighted
+        else f"R-hat {posterior['r_hat']:.3f}, {effective}, {posterior['divergences']} divergences; "
+        "NUTS"
     )
-    return (
-        f"{verdict} (R-hat {posterior['r_hat']:.3f}, {posterior['effective_samples']:.0f} "
-        f"effective samples, {posterior['divergences']} divergences).\n"
-    )
+    faults = "".join(f" **Not known:** {fault}." for fault in posterior["faults"])
+    return f"{verdict} ({numbers}).{faults}\n"

@@ -247,6 +247,9 @@ def _posterior(samples: Posterior) -> dict[str, Any]:
         "r_hat": samples.r_hat.max(),
         "effective_samples": samples.effective.min(),
         "divergences": samples.divergences,
+        "method": samples.method,
+        "pareto_k": samples.pareto_k,
+        "faults": list(samples.faults),
     }
 
 

@@ -58,7 +58,7 @@ def profile_of() -> None:
 
 def sample() -> None:
     while True:
-        posterior(BENT, samples=10**6)
+        posterior(BENT, samples=10**6, method="NUTS")
 
 
 COMPILED = threading.Event()

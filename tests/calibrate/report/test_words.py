@@ -146,9 +146,16 @@ def test_a_verdict_says_what_is_wrong():
     assert "do not agree" in verdict(misfit=True)
     assert "found 1 other optimum, worse" in verdict(optima=[OPTIMUM] * 2)
     assert "found 2 other optima, worse" in verdict(optima=[OPTIMUM] * 3)
-    posterior = {"r_hat": 1.5, "effective_samples": 30.0, "divergences": 2, "converged": False}
+    posterior = {
+        **{"r_hat": 1.5, "effective_samples": 30.0, "divergences": 2, "converged": False},
+        **{"method": "NUTS", "pareto_k": 0.9, "faults": ["the optima are separated"]},
+    }
     assert "do not use them** (R-hat 1.500, 30 effective" in document._posterior(posterior)
     assert "agree between chains" in document._posterior(posterior | {"converged": True})
+    assert "Not known:** the optima are separated." in document._posterior(posterior)
+    weighted = posterior | {"method": "importance sampling", "pareto_k": 0.31, "converged": True}
+    said = document._posterior(weighted | {"faults": []})
+    assert "rely on them (Pareto's k 0.31, 30 effective samples; importance sampling)." in said
     assert document._posterior(None) == ""
 
 

@@ -1,0 +1,110 @@
+"""The density of a posterior in the logarithms of the values, but for a constant factor.
+
+With known errors it is exp(-chi^2 / 2), priors among the residuals. Two things make it another.
+Readings whose common scale s is estimated with the fit: s is summed over, with Jeffreys' prior
+1 / s, which leaves (sum r^2)^(-n / 2) of n such residuals, Student's t. A value between bounds
+without a prior, whose x = share / (1 - share): it is believed to be anywhere between them alike, so
+that ln x has the density share (1 - share).
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+
+from calibrate.inference.curvature import RANK_TOLERANCE, UNKNOWN, covariance, information
+from calibrate.least_squares.bounds import Bounds
+from calibrate.least_squares.fit import Fit
+
+WIDEST = float(np.log(1e6))
+"""Distance of bounds, in logarithms, up to which they bound a value that nothing else does.
+Physical bounds of most quantities are farther apart, and nobody believes in them."""
+VARIANCE_OF_LOGISTIC = np.pi**2 / 3.0
+"""Of the log-odds of a share that may be anywhere between 0 and 1."""
+
+
+class Density(NamedTuple):
+    """The posterior of a fit in P logarithms, for M measurements and K priors."""
+
+    everything: Callable[..., Array]
+    """Residuals, (M + K,), of logarithms and `given`."""
+    given: Any
+    box: Bounds
+    scatter: tuple[np.ndarray, ...] = ()
+    """Places of measurements whose common scale is estimated."""
+    uniform: np.ndarray = np.zeros(0, int)
+    """Places of log-odds without a prior."""
+
+    def holds(self, logs: np.ndarray) -> np.ndarray:
+        """True for places, (..., P), within the bounds; (...,)."""
+        return np.all((logs >= self.box.lower) & (logs <= self.box.upper), axis=-1)
+
+    def log_density(self, logs: ArrayLike, residuals: ArrayLike) -> Array:
+        """The logarithm of the density where residuals, (..., M + K), are known; (...,)."""
+        logs, residuals = jnp.asarray(logs), jnp.asarray(residuals)
+        total = -0.5 * (residuals**2).sum(-1)
+        for places in self.scatter:
+            squares = (residuals[..., places] ** 2).sum(-1)
+            total += 0.5 * (squares - len(places) * jnp.log(squares))
+        odds = logs[..., self.uniform]
+        return total + (odds - 2.0 * jnp.logaddexp(0.0, odds)).sum(-1)
+
+    def differentiable(self) -> Callable[[Array], Array]:
+        """The logarithm of the density, of logarithms, (P,), with its gradient for NUTS.
+
+        The gradient is taken forwards, as that of the fit: some models have no other.
+        """
+
+        def plain(logs: Array) -> Array:
+            return self.log_density(logs, self.everything(logs, self.given))
+
+        def with_value(logs: Array) -> tuple[Array, Array]:
+            value = plain(logs)
+            return value, value
+
+        def forwards(logs: Array) -> tuple[Array, Array]:
+            gradient, value = jax.jacfwd(with_value, has_aux=True)(logs)
+            return value, gradient
+
+        def backwards(gradient: Array, change: Array) -> tuple[Array]:
+            return (change * gradient,)
+
+        log_density = jax.custom_vjp(plain)
+        log_density.defvjp(forwards, backwards)
+        return log_density
+
+    def bounded_information(self, information: np.ndarray) -> np.ndarray:
+        """Half a curvature of chi-squared, (P, P), and what bounds add to it."""
+        width = np.broadcast_to(self.box.upper - self.box.lower, len(information))
+        precision = np.where(width <= WIDEST, 12.0 / width**2, 0.0)
+        precision[self.uniform] = 1.0 / VARIANCE_OF_LOGISTIC
+        return information + np.diag(precision)
+
+    def reflected(self, logs: Array) -> Array:
+        """Logarithms, (P,), within the bounds: beyond one, the mirror image.
+
+        A density of these is even about every bound, so that chains pass it as they pass any place.
+        """
+        lower, upper = (np.broadcast_to(end, logs.shape) for end in self.box)
+        width = upper - lower
+        period = np.where(np.isfinite(width), 2.0 * width, 1.0)
+        above = logs - np.where(np.isfinite(lower), lower, 0.0)
+        below = np.where(np.isfinite(upper), upper, 0.0) - logs
+        within = jnp.abs(jnp.mod(above + 0.5 * period, period) - 0.5 * period)
+        folded = jnp.where(np.isfinite(upper), upper - jnp.abs(below), logs)
+        folded = jnp.where(np.isfinite(lower), lower + jnp.abs(above), folded)
+        return jnp.where(np.isfinite(width), lower + within, folded)
+
+
+def unbounded(fit: Fit, density: Density) -> list[str]:
+    """Names of the values that no measurement, prior or bound keeps from running off."""
+    spread, free = covariance(density.bounded_information(information(fit)))
+    return [
+        name
+        for name, error, along in zip(fit.names, np.sqrt(np.diag(spread)), free, strict=True)
+        if along @ along > RANK_TOLERANCE or error > UNKNOWN
+    ]

@@ -1,0 +1,71 @@
+"""Laplace's approximation about every optimum of a fit: where importance sampling begins.
+
+About an optimum of half the sum of squares L the posterior is a normal distribution of the
+curvature there, with the weight exp(-L) |C|^(1/2) of its covariance C.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from calibrate.inference.curvature import information
+from calibrate.inference.density import Density
+from calibrate.inference.proposal import LEAST_SHARE, Proposal
+from calibrate.least_squares import levenberg
+from calibrate.least_squares.evaluator import half_square
+from calibrate.least_squares.finish import is_settled
+from calibrate.least_squares.fit import Fit
+from calibrate.least_squares.levenberg import Point
+
+NEGLIGIBLE = 1e-6
+"""Weight of an optimum, of all, that is left out."""
+REFINED = 8
+"""Steps of Levenberg and Marquardt from an optimum that only a cheap model found."""
+
+
+class Optima(NamedTuple):
+    """The optima of a fit as a proposal."""
+
+    proposal: Proposal
+    """A component for each that has a weight, the best first."""
+    lost: int
+    """Optima of the cheap model at which the model itself gives no numbers, or goes on falling."""
+
+
+def approximated(fit: Fit, density: Density) -> Optima:
+    """Laplace's approximation of the posterior of a fit.
+
+    Runs the model and its slopes once at every other optimum, a few times where only the cheap
+    model found it.
+    """
+    best = Point(fit.optima[0].loss, np.log(fit.values), fit.jacobian, fit.residuals)
+    centres, curved, losses, lost = [best.logs], [information(fit)], [best.loss], 0
+    for other in fit.optima[1:]:
+        end = _refined(fit, np.log(other.values), 0 if other.finished else REFINED)
+        if not end.finite or not (other.finished or is_settled(end, fit.box)):
+            lost += 1
+            continue
+        centres.append(end.logs)
+        curved.append(end.jacobian.T @ end.jacobian)
+        losses.append(end.loss)
+    informations = [density.bounded_information(one) for one in curved]
+    volumes = -0.5 * np.array([np.linalg.slogdet(one)[1] for one in informations])
+    logs = volumes - np.array(losses)
+    weights = np.exp(logs - logs.max())
+    kept = weights / weights.sum() > NEGLIGIBLE
+    shares = np.maximum(weights[kept] / weights[kept].sum(), LEAST_SHARE)
+    scales = np.stack([np.linalg.inv(one) for one in informations])
+    return Optima(Proposal(shares / shares.sum(), np.stack(centres)[kept], scales[kept]), lost)
+
+
+def _refined(fit: Fit, logs: np.ndarray, steps: int) -> Point:
+    """The optimum of the model near logarithms, (P,)."""
+
+    def at(places: list[np.ndarray]) -> list[Point]:
+        points = []
+        for place in places:
+            jacobian, value = map(np.asarray, fit.linearised(place, fit.given))
+            points.append(Point(half_square(value), place, jacobian, value))
+        return points
+
+    return levenberg.minimise(at, at([logs]), fit.box, steps)[0][0]

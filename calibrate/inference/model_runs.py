@@ -1,0 +1,94 @@
+"""Runs of the model for a posterior: kept in pieces, with a bar and an estimate before it."""
+
+import sys
+import time
+from collections.abc import Callable
+
+import jax
+import numpy as np
+from tqdm import tqdm
+
+from calibrate.inference.density import Density
+from calibrate.least_squares.interruptible import wait_for
+from mrjax.io.checkpoint import Checkpoint, digest
+from mrjax.simulation.progress import in_words
+
+PIECE = 50
+"""Runs that are kept together."""
+
+
+class ModelRuns:
+    """Logarithms of a density at many places, by a run of the model each.
+
+    One after another, and not mapped: a column is no faster so, and would be compiled anew.
+
+    Args:
+      density: of the posterior.
+      work: keeps every fifty runs.
+      progress: whether to show a progress bar, on standard error.
+      expected: runs, about.
+    """
+
+    def __init__(
+        self, density: Density, work: Checkpoint | None, progress: bool, expected: int
+    ) -> None:
+        self._density, self._work, self._progress = density, work, progress
+        self._expected = expected
+        self._timed: float | None = None
+        self._bar = tqdm(desc="posterior", unit=" runs", disable=not progress, leave=False)
+
+    def __call__(self, logs: np.ndarray) -> np.ndarray:
+        """The logarithms, (N,), at logarithms of values, (N, P); not finite where there is none."""
+        pieces = [self._piece(logs[first : first + PIECE]) for first in range(0, len(logs), PIECE)]
+        return np.concatenate([np.zeros(0), *pieces])
+
+    def close(self) -> None:
+        """Takes the progress bar away."""
+        self._bar.close()
+
+    def _piece(self, logs: np.ndarray) -> np.ndarray:
+        label = f"densities-{digest(logs)}"
+        if self._work is not None and (kept := self._work.load(label)) is not None:
+            self._bar.update(len(logs))
+            return kept[0]["densities"]
+        residuals = np.stack([self._run(one) for one in logs])
+        densities = np.asarray(self._density.log_density(logs, residuals))
+        if self._work is not None:
+            self._work.save(label, {"densities": densities})
+        return densities
+
+    def _run(self, logs: np.ndarray) -> np.ndarray:
+        if self._timed is None:
+            self._residuals(logs)  # compiled
+            began = time.perf_counter()
+            self._residuals(logs)
+            self._timed = time.perf_counter() - began
+            say_estimate(
+                f"{self._expected} model runs", self._expected, self._timed, self._progress
+            )
+        self._bar.update()
+        return self._residuals(logs)
+
+    def _residuals(self, logs: np.ndarray) -> np.ndarray:
+        return np.asarray(wait_for(self._density.everything(logs, self._density.given)))
+
+
+def say_estimate(what: str, number: int, each: float, progress: bool) -> None:
+    """Says on standard error how long so many calls will take, where progress is shown.
+
+    Args:
+      what: is called, and how often.
+      number: of calls.
+      each: time of one, s.
+      progress: whether to say it.
+    """
+    if progress:
+        line = f"posterior: about {what} of {in_words(each)}, {in_words(number * each)}"
+        tqdm.write(line, file=sys.stderr)
+
+
+def seconds_of(function: Callable, *arguments: object) -> float:
+    """Time that a compiled function takes, s."""
+    began = time.perf_counter()
+    jax.block_until_ready(function(*arguments))
+    return time.perf_counter() - began

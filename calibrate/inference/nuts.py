@@ -1,0 +1,130 @@
+"""A posterior by chains of NUTS, which begin apart, with the curvature as their mass matrix.
+
+The posterior often is a long ridge: positions are measured along the directions and in the standard
+deviations of the curvature, and the mass matrix is dense. Chains begin at draws of the proposal,
+which is wider than the posterior, in turn about each of the optima.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jax import Array
+from tqdm import tqdm
+
+from calibrate.inference.chains import MOST, Piece, Sampler, arrays
+from calibrate.inference.density import Density
+from calibrate.inference.importance import Evaluate
+from calibrate.inference.proposal import Proposal
+from mrjax.core import randomness
+from mrjax.io.checkpoint import Checkpoint
+
+CHAINS, WARM_UP, SAMPLES = 4, 300, 500
+STEPS = 7
+"""Leapfrog steps of a draw, about, where positions are in standard deviations."""
+TRIES = 50
+"""Draws among which a chain finds a place with a density."""
+
+
+class Drawn(NamedTuple):
+    """Draws of chains after their warm-up."""
+
+    logs: np.ndarray
+    """(C, N, P)."""
+    divergences: int
+    separated: bool
+    """True if no chain left the optimum at which it began, and they began at several."""
+
+
+def sample(
+    density: Density,
+    proposal: Proposal,
+    log_densities: Evaluate,
+    *,
+    seed: int,
+    samples: int,
+    work: Checkpoint | None,
+    progress: bool,
+) -> Drawn:
+    """Draws of chains.
+
+    Args:
+      density: of the posterior.
+      proposal: about its optima.
+      log_densities: of logarithms, (N, P).
+      seed: of the chains.
+      samples: of each of them.
+      work: keeps every fifty draws.
+      progress: whether to show a progress bar, on standard error.
+    """
+    root, best = whitening(proposal)
+    log_density = density.differentiable()
+
+    def at(position: Array) -> Array:
+        return log_density(density.reflected(best + root @ position))
+
+    first = beginnings(proposal, log_densities, density, seed)
+    positions = np.linalg.solve(root, (first - best).T).T
+    with randomness.ordered():
+        sampler = Sampler(at, positions, seed=seed, warm_up=WARM_UP, draws=samples)
+        drawn = _drawn(sampler, work, progress)
+    unfolded = best + drawn.positions[:, WARM_UP:] @ root.T
+    logs = np.asarray(density.reflected(unfolded))
+    divergences = int(drawn.divergent[:, WARM_UP:].sum())
+    return Drawn(logs, divergences, _separated(proposal, logs))
+
+
+def whitening(proposal: Proposal) -> tuple[np.ndarray, np.ndarray]:
+    """A square root of the covariance at the best optimum, (P, P), and that optimum, (P,)."""
+    variance, directions = np.linalg.eigh(proposal.scales[0])
+    return directions * np.sqrt(variance), proposal.centres[0]
+
+
+def beginnings(
+    proposal: Proposal, log_densities: Evaluate, density: Density, seed: int
+) -> np.ndarray:
+    """Where chains begin, (C, P): each at a draw about an optimum, in turn."""
+    random = np.random.default_rng([seed, CHAINS])
+    first = []
+    for chain in range(CHAINS):
+        place = chain % len(proposal.shares)
+        about = proposal.component(place)
+        begun = about.centres[0]
+        for drawn in about.draw(TRIES, random):
+            if density.holds(drawn) and np.isfinite(log_densities(drawn[None])[0]):
+                begun = drawn
+                break
+        first.append(begun)
+    return np.stack(first)
+
+
+def _separated(proposal: Proposal, logs: np.ndarray) -> bool:
+    """True if every chain, (C, N, P), stays about one optimum, and not all about the same."""
+    about = [set(proposal.nearest(chain)) for chain in logs]
+    return all(len(one) == 1 for one in about) and len(set.union(*about)) > 1
+
+
+def _drawn(sampler: Sampler, work: Checkpoint | None, progress: bool) -> Piece:
+    """All steps of the chains, those that were kept and the others."""
+    kept = None if work is None else work.sequence("chains")
+    earlier, left = ([], None) if kept is None else kept.resumed()
+    pieces = [Piece(piece["positions"], piece["divergent"]) for piece in earlier]
+    done = sum(piece.positions.shape[1] for piece in pieces)
+    chains = sampler.begin() if left is None else sampler.restored(left)
+    unkept: list[Piece] = []
+    with tqdm(
+        desc="posterior", total=sampler.length, initial=done, disable=not progress, leave=False
+    ) as bar:
+        for state, piece in sampler.pieces(chains, done):
+            done += piece.positions.shape[1]
+            bar.set_postfix_str("warm-up" if done < sampler.warm_up else "draws", refresh=False)
+            bar.update(piece.positions.shape[1])
+            unkept.append(piece)
+            if kept is not None and (done % MOST == 0 or done == sampler.length):
+                whole = _joined(unkept)
+                kept.append(whole._asdict(), arrays(state))
+                pieces, unkept = [*pieces, whole], []
+    return _joined([*pieces, *unkept])
+
+
+def _joined(pieces: list[Piece]) -> Piece:
+    return Piece(*(np.concatenate(arrays, axis=1) for arrays in zip(*pieces, strict=True)))

@@ -1,0 +1,122 @@
+"""Proposals of importance sampling: mixtures of Student's t, and how they follow weighted draws.
+
+A t distribution of few degrees of freedom has longer tails than a posterior whose data or priors
+bound it, so that no draw weighs much more than others. Cappe, Douc, Guillin, Marin & Robert,
+Statistics and Computing 18, 447 (2008) adapt such a mixture by a step of expectation and
+maximisation on weighted draws.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import logsumexp, softmax
+from scipy.stats import multivariate_t
+
+FREEDOM = 5
+"""Degrees of freedom of every component."""
+LEAST_SHARE = 0.05
+"""Of a component, before all are divided by their sum."""
+IN_TAILS, WIDER = 0.1, 3.0
+"""Share of draws of a wider proposal, and how many times wider it is."""
+MOST_COMPONENTS = 8
+HALVES = 0.8
+"""Offset of the halves of a component, in its standard deviations."""
+STEPS = 4
+"""Steps of expectation and maximisation on the same draws."""
+
+
+class Proposal(NamedTuple):
+    """A mixture of K multivariate t distributions in P logarithms."""
+
+    shares: np.ndarray
+    """Share of the draws that each component gives, (K,)."""
+    centres: np.ndarray
+    """(K, P)."""
+    scales: np.ndarray
+    """Scale matrices, (K, P, P): covariances but for a factor."""
+
+    def draw(self, number: int, random: np.random.Generator) -> np.ndarray:
+        """So many draws, (N, P)."""
+        counts = random.multinomial(number, self.shares)
+        drawn = [
+            np.reshape(one.rvs(int(count), random), (count, self.centres.shape[1]))
+            for one, count in zip(self._components(), counts, strict=True)
+            if count
+        ]
+        return np.concatenate(drawn)
+
+    def log_density(self, logs: np.ndarray) -> np.ndarray:
+        """Logarithm of the density at places, (N, P); (N,)."""
+        return logsumexp(self._joint(logs), axis=1)
+
+    def component(self, place: int) -> "Proposal":
+        """One component by itself."""
+        return Proposal(np.ones(1), self.centres[place, None], self.scales[place, None])
+
+    def nearest(self, logs: np.ndarray) -> np.ndarray:
+        """The component to which each place, (N, P), most likely belongs; (N,)."""
+        return self._joint(logs).argmax(axis=1)
+
+    def with_tails_of(self, first: "Proposal") -> "Proposal":
+        """Itself, and some draws of another made wider: they tell what it lacks."""
+        return Proposal(
+            np.concatenate([(1.0 - IN_TAILS) * self.shares, IN_TAILS * first.shares]),
+            np.concatenate([self.centres, first.centres]),
+            np.concatenate([self.scales, WIDER**2 * first.scales]),
+        )
+
+    def split(self) -> "Proposal":
+        """Every component as two along its longest axis, whose sum has the same covariance."""
+        if 2 * len(self.shares) > MOST_COMPONENTS:
+            return self
+        centres, scales = [], []
+        for centre, scale in zip(self.centres, self.scales, strict=True):
+            variances, directions = np.linalg.eigh(scale)
+            half = HALVES * np.sqrt(variances[-1]) * directions[:, -1]
+            centres += [centre - half, centre + half]
+            scales += [scale - np.outer(half, half)] * 2
+        return Proposal(np.repeat(0.5 * self.shares, 2), np.array(centres), np.array(scales))
+
+    def adapted(self, logs: np.ndarray, weights: np.ndarray) -> "Proposal":
+        """The mixture fitted to weighted draws.
+
+        A component to which next to no draws belong stays as it is, with a share that keeps it.
+
+        Args:
+          logs: draws, (N, P).
+          weights: of them, (N,), with a sum of one.
+        """
+        adapted = self
+        for _ in range(STEPS):
+            adapted = adapted._step(logs, weights)
+        return adapted
+
+    def _step(self, logs: np.ndarray, weights: np.ndarray) -> "Proposal":
+        size = logs.shape[1]
+        belongs = weights[:, None] * softmax(self._joint(logs), axis=1)
+        masses = belongs.sum(axis=0)
+        enough = size * (size + 1) * (weights @ weights)
+        centres, scales = self.centres.copy(), self.scales.copy()
+        for place, one in enumerate(belongs.T):
+            # Of fewer draws than twice the numbers of a covariance.
+            if masses[place] < enough:
+                continue
+            offset = logs - centres[place]
+            distance = np.einsum("np,pq,nq->n", offset, np.linalg.pinv(scales[place]), offset)
+            near = one * (FREEDOM + size) / (FREEDOM + distance)
+            centres[place] = near @ logs / near.sum()
+            offset = logs - centres[place]
+            scales[place] = (offset.T * near) @ offset / one.sum()
+        shares = np.maximum(masses, LEAST_SHARE)
+        return Proposal(shares / shares.sum(), centres, scales)
+
+    def _components(self) -> list:
+        return [
+            multivariate_t(centre, scale, df=FREEDOM, allow_singular=True)
+            for centre, scale in zip(self.centres, self.scales, strict=True)
+        ]
+
+    def _joint(self, logs: np.ndarray) -> np.ndarray:
+        """Logarithms of share times density, (N, K)."""
+        each = [np.atleast_1d(one.logpdf(logs)) for one in self._components()]
+        return np.stack(each, axis=1) + np.log(self.shares)
