@@ -248,12 +248,12 @@ def _posterior(posterior: dict[str, Any] | None) -> str:
         verdict = "The weights of the samples of the posterior are even enough to rely on them"
     if not posterior["converged"]:
         verdict = "**The samples of the posterior have not converged: do not use them**"
-    effective = f"{posterior['effective_samples']:.0f} effective samples"
-    numbers = (
-        f"Pareto's k {posterior['pareto_k']:.2f}, {effective}; importance sampling"
-        if weighted
-        else f"R-hat {posterior['r_hat']:.3f}, {effective}, {posterior['divergences']} divergences; "
-        "NUTS"
-    )
+    numbers = f"{posterior['effective_samples']:.0f} effective samples"
+    if weighted:
+        numbers = f"Pareto's k {posterior['pareto_k']:.2f}, {numbers}; importance sampling"
+    else:
+        numbers = (
+            f"R-hat {posterior['r_hat']:.3f}, {numbers}, {posterior['divergences']} divergences"
+        )
     faults = "".join(f" **Not known:** {fault}." for fault in posterior["faults"])
     return f"{verdict} ({numbers}).{faults}\n"
