@@ -14,6 +14,7 @@ from calibrate.experiment.experiment import Experiment
 from calibrate.experiment.simulator import SimulatedExperiment, Simulator
 from calibrate.inference import forecast
 from calibrate.inference.at_a_distance import unchanged_at_a_distance
+from calibrate.inference.curves import PredictedCurve, predicted_curves
 from calibrate.inference.forecast import Forecast
 from calibrate.inference.identify import Identification, identify
 from calibrate.inference.posterior import Posterior, refuse_without_sampler
@@ -116,6 +117,8 @@ class Calibration:
     """None where the fit did not converge."""
     unchanged: tuple[str, ...] = ()
     """Null directions along which predictions do not change at a distance, either."""
+    curves: tuple[PredictedCurve, ...] = ()
+    """Predicted curves, between the readings too."""
     posterior: Posterior | None = None
     left_out: tuple[Forecast, ...] | None = None
     """Each sample from the others."""
@@ -136,6 +139,7 @@ class Calibration:
             self.profiles,
             self.posterior,
             self.unchanged,
+            self.curves,
         )
         for name, forecasts in (("left_out", self.left_out), ("new", self.new)):
             if forecasts is not None:
@@ -266,7 +270,15 @@ def run(
     identified = identify(fit)
     unchanged = unchanged_at_a_distance(fit, identified) if fit.converged else ()
     calibration = Calibration(
-        experiment, options, problem, fit, identified, predictions, held, unchanged=unchanged
+        experiment,
+        options,
+        problem,
+        fit,
+        identified,
+        predictions,
+        held,
+        unchanged,
+        predicted_curves(problem, fit),
     )
     calibration = _with_what_is_asked(calibration, folders, progress)
     return replace(calibration, wall_seconds=time.perf_counter() - began)

@@ -85,7 +85,8 @@ class Sample:
     measurements: tuple[Measurement, ...]
     """All that was measured on it."""
     times: tuple[float, ...] = ()
-    """Times of its curve, increasing, (T,) in s; several readings may be of one."""
+    """Times at which its curve is predicted, increasing, (T,) in s: those of readings, of which
+    several may be of one time, and others between them."""
     curve: Understood | None = None
     """Record of how the file of its curve was read."""
     fractions: tuple[float, ...] = ()
@@ -94,6 +95,16 @@ class Sample:
     """Record of how the file of its velocities was read."""
     scatter: Scatter | None = None
     """Scatter of those velocities where no error is stated."""
+
+    @property
+    def readings_of_curve(self) -> tuple[Measurement, ...]:
+        """The readings of its curve."""
+        return tuple(one for one in self.measurements if one.place is not None)
+
+    @property
+    def time_unit(self) -> str:
+        """Unit of time of the file of its curve; s without one."""
+        return self.curve.time_unit if self.curve else "s"
 
     @property
     def scatter_to_fit(self) -> bool:

@@ -45,6 +45,8 @@ class Forecast:
     Both in the unit of the measurement."""
     time: float | None = None
     """Time of a point of a curve, s."""
+    time_unit: str = "s"
+    """Unit of time of the sample's file."""
 
     @property
     def off(self) -> float:
@@ -91,8 +93,8 @@ def forecast(
     unbounded = (np.abs(slopes @ open_ends) > RANK_TOLERANCE**0.5 * size).any(axis=1)
     errors[unbounded] = np.inf
     return [
-        Forecast(sample.name, measurement, value, error, _time(sample, measurement))
-        for measurement, value, error in zip(sample.measurements, values, errors, strict=True)
+        Forecast(sample.name, one, value, error, _time(sample, one), sample.time_unit)
+        for one, value, error in zip(sample.measurements, values, errors, strict=True)
     ]
 
 

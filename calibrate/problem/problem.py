@@ -139,6 +139,25 @@ class Problem:
         return jnp.stack(predicted)
 
     @property
+    def curves(self) -> list[tuple[Sample, Measurement]]:
+        """Samples that have a curve, each with one of its readings."""
+        every = ((sample, sample.readings_of_curve) for sample in self.experiment.samples)
+        return [(sample, readings[0]) for sample, readings in every if readings]
+
+    def predict_curves(self, theta: dict[str, Array]) -> list[Array]:
+        """Predicted curves, each at the times of its sample and in the unit of its readings, (T,).
+
+        Args:
+          theta: by variable.
+        """
+        models = dict(zip((one.name for one in self.experiment.samples), self.models, strict=True))
+        return [
+            models[sample.name](self.experiment.suspension_of(sample, theta))[one.observable]
+            / one.si
+            for sample, one in self.curves
+        ]
+
+    @property
     def measured(self) -> np.ndarray:
         """The measured values, each in its unit, (M,)."""
         return np.array([one.value for _, one in self.measurements])

@@ -5,13 +5,14 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from numpy.typing import ArrayLike
 
 from calibrate.experiment.units import TIME_UNITS
 from calibrate.inference.posterior import Posterior
 from calibrate.inference.profile import Profile
 from calibrate.least_squares.fit import Fit
 from calibrate.problem.problem import Problem
-from calibrate.report.formatting import spelled
+from calibrate.report.formatting import in_unit, spelled
 from mrjax.core.text import in_figure
 from mrjax.figures import COLUMN, STYLE
 
@@ -87,9 +88,15 @@ def curves_figure(result: dict[str, Any]) -> Figure:
     rows = [one for one in result["predictions"] if "time_s" in one]
     figure, panels = _panels(rows)
     for axes, of_sample in panels:
-        days = [one["time_s"] / TIME_UNITS["day"] for one in of_sample]
-        _draw(axes, days, of_sample)
-        axes.set_xlabel("time, days")
+        unit = of_sample[0]["time_unit"]
+        times = [one["time_s"] / TIME_UNITS[unit] for one in of_sample]
+        if curve := result["curves"].get(of_sample[0]["sample"]):
+            along = np.array(curve["time_s"]) / TIME_UNITS[unit]
+            _draw_measured(axes, times, of_sample)
+            _draw_predicted(axes, along, curve["predicted"], curve["standard_error"])
+        else:
+            _draw(axes, times, of_sample)
+        axes.set_xlabel(f"time, {in_unit(2.0, unit)[1]}")
         unit = of_sample[0]["unit"]
         what = spelled(of_sample[0]["observable"])
         axes.set_ylabel(what if unit == "1" else f"{what}, {unit}")
@@ -110,13 +117,19 @@ def _panels(rows: list[dict[str, Any]]) -> tuple[Figure, list[tuple[Axes, list[d
 
 
 def _draw(axes: Axes, at: list[float], rows: list[dict[str, Any]], least: float = -np.inf) -> None:
-    """Measured values with their errors, predicted ones with a band of two standard errors.
+    """Measured values, and predicted ones at the same places: see below."""
+    _draw_measured(axes, at, rows)
+    predicted, errors = ([one[key] for one in rows] for key in ("predicted", "predicted_error"))
+    _draw_predicted(axes, at, predicted, errors, least)
+
+
+def _draw_measured(axes: Axes, at: list[float], rows: list[dict[str, Any]]) -> None:
+    """Measured values with their errors.
 
     Args:
       axes: where to.
       at: place of each along the axis.
       rows: predictions, as `fit.json` has them.
-      least: lower end of the band, as a share of the prediction: on an axis of logarithms above 0.
     """
     axes.errorbar(
         at,
@@ -128,12 +141,24 @@ def _draw(axes: Axes, at: list[float], rows: list[dict[str, Any]], least: float 
         capsize=2,
         label="measured",
     )
-    predicted = np.array([one["predicted"] for one in rows])
-    spread = 2.0 * np.array([one["predicted_error"] for one in rows])
-    axes.plot(at, predicted, color="0.4", label="predicted")
+
+
+def _draw_predicted(
+    axes: Axes, at: ArrayLike, predicted: ArrayLike, error: ArrayLike, least: float = -np.inf
+) -> None:
+    """Predicted values with a band of two standard errors.
+
+    Args:
+      axes: where to.
+      at: places along the axis, (K,).
+      predicted, error: values and standard errors, (K,).
+      least: lower end of the band, as a share of the prediction: on an axis of logarithms above 0.
+    """
+    values, spread = np.asarray(predicted), 2.0 * np.asarray(error)
+    axes.plot(at, values, color="0.4", label="predicted")
     if np.isfinite(spread).all():
-        low = np.maximum(predicted - spread, least * predicted)
-        axes.fill_between(at, low, predicted + spread, color="0.85", zorder=0)
+        low = np.maximum(values - spread, least * values)
+        axes.fill_between(at, low, values + spread, color="0.85", zorder=0)
 
 
 @STYLE

@@ -45,10 +45,18 @@ def when(one: dict[str, Any]) -> str:
         what, _, unit = one["axis"].partition(",")
         return " " + " ".join(f"at {what} {one['at']:.6g} {unit}".split())
     if one["observable"] in CURVES and "time_s" in one:
-        return f" at {one['time_s'] / TIME_UNITS['day']:.4g} days"
+        value, unit = in_unit(one["time_s"], one["time_unit"])
+        return f" at {value:.4g} {unit}"
     if "concentration" not in one:
         return ""
     return f" at {concentrations.said(one['concentration_kind'], one['concentration'])}"
+
+
+def in_unit(seconds: float, unit: str) -> tuple[float, str]:
+    """A time in a unit, and the word for it: 3 days, 1 day, 90 min."""
+    value = seconds / TIME_UNITS[unit]
+    plural = unit in ("day", "week") and value != 1.0
+    return value, f"{unit}s" if plural else unit
 
 
 def interval(profile: dict[str, list[float]] | None, coverage: str) -> str:

@@ -11,6 +11,7 @@ from calibrate.experiment.free_parameters import FreeParameter
 from calibrate.experiment.sample import Measurement, Sample, Scatter
 from calibrate.experiment.simulator import SimulatedExperiment
 from calibrate.inference.curvature import covariance, information
+from calibrate.inference.curves import PredictedCurve
 from calibrate.inference.forecast import Forecast
 from calibrate.inference.identify import Identification
 from calibrate.inference.misfit import Agreement, agreement
@@ -47,6 +48,7 @@ def summary(
     profiles: tuple[Profile, ...] = (),
     samples: Posterior | None = None,
     unchanged: tuple[str, ...] = (),
+    curves: tuple[PredictedCurve, ...] = (),
 ) -> dict[str, Any]:
     """A fit as plain tables. `predicted` is `problem.predict`, (M,)."""
     agreed = agreement(problem, fit, identification, predicted)
@@ -69,6 +71,7 @@ def summary(
         "scatter": _scatter(problem),
         "runs": [one._asdict() for one in runs_tests(problem, fit)],
         "predictions": _predictions(problem, fit, predicted),
+        "curves": {one.sample: _curve(one) for one in curves},
         "validity": {
             name: {one.name: {"value": one.value, "holds": one.holds} for one in numbers}
             for name, numbers in validity_of.items()
@@ -335,17 +338,30 @@ def _predictions(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[dict
     ]
 
 
+def _curve(one: PredictedCurve) -> dict[str, Any]:
+    """A predicted curve, between the readings too."""
+    return {
+        "observable": one.observable,
+        "unit": one.unit,
+        "time_s": list(one.times),
+        "predicted": list(one.predicted),
+        "standard_error": list(one.standard_error),
+    }
+
+
 def _place(problem: Problem, sample: Sample | None, one: Measurement) -> dict[str, Any]:
     """Where a measurement was made, if not on the sample as it is."""
     if isinstance(problem.experiment, SimulatedExperiment):
         return problem.experiment.simulator.place(one.row or 0)
-    return _where(one, None if sample is None or one.place is None else sample.times[one.place])
+    if sample is None or one.place is None:
+        return _where(one, None)
+    return _where(one, sample.times[one.place], sample.time_unit)
 
 
-def _where(one: Measurement, time: float | None) -> dict[str, Any]:
+def _where(one: Measurement, time: float | None, unit: str = "s") -> dict[str, Any]:
     """The time of a reading of a curve, or the concentration of one of a table."""
     if time is not None:
-        return {"time_s": time}
+        return {"time_s": time, "time_unit": unit}
     if one.concentration is None:
         return {}
     return {
@@ -391,7 +407,7 @@ def forecasts(predictions: list[Forecast]) -> list[dict[str, Any]]:
             "predicted_error": forecast.standard_error,
             "unit": forecast.measurement.unit,
             "difference_over_both_errors": forecast.off,
-            **_where(forecast.measurement, forecast.time),
+            **_where(forecast.measurement, forecast.time, forecast.time_unit),
         }
         for forecast in predictions
     ]

@@ -16,6 +16,7 @@ READING = {
     "predicted_error": 0.25,
     "unit": "mm",
     "time_s": 43200.0,
+    "time_unit": "day",
 }
 VELOCITY = READING | {"observable": "initial_velocity", "unit": "mm/day", "measured": 8.0}
 VELOCITY |= {"predicted": 7.6, "sigma": 0.2}
@@ -162,7 +163,7 @@ def test_a_verdict_says_what_is_wrong():
 def test_figures_show_residuals_and_curves_as_they_are():
     """Read off the drawn lines: differences in sigmas, days, and a band of two errors."""
     later = READING | {"time_s": 86400.0, "predicted": 70.0, "measured": 72.0}
-    result = {"predictions": [READING, later]}
+    result = {"predictions": [READING, later], "curves": {}}
     (axes,) = figures.residuals_figure(result).axes
     drawn = [line for line in axes.lines if line.get_label() == "sample A"]
     np.testing.assert_allclose(drawn[0].get_ydata(), [2.0, -4.0])
@@ -172,7 +173,34 @@ def test_figures_show_residuals_and_curves_as_they_are():
     (band,) = [one for one in axes.collections if one.get_paths()[0].vertices.shape[0] > 4]
     heights = band.get_paths()[0].vertices[:, 1]
     assert (heights.max(), heights.min()) == (81.5, 69.5)
-    assert axes.get_ylabel() == "mudline, mm"
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("time, days", "mudline, mm")
+
+
+def test_a_curve_is_drawn_between_its_readings_in_the_unit_of_its_file():
+    seconds = {"time_s": [0.0, 1800.0, 3600.0], "predicted": [9.0, 7.0, 3.0]}
+    rows = [READING | {"time_s": 3600.0, "time_unit": "min"}]
+    curve = seconds | {"standard_error": [0.0, 0.5, 1.0]}
+    (axes,) = figures.curves_figure({"predictions": rows, "curves": {"A": curve}}).axes
+    (line,) = [line for line in axes.lines if line.get_label() == "predicted"]
+    np.testing.assert_allclose(line.get_xydata(), [[0.0, 9.0], [30.0, 7.0], [60.0, 3.0]])
+    assert axes.get_xlabel() == "time, min"
+    (mark,) = axes.containers[0].lines[0].get_xdata()
+    assert float(mark) == 60.0
+
+
+@pytest.mark.parametrize(
+    "seconds, unit, words",
+    [
+        (43200.0, "day", "0.5 days"),
+        (86400.0, "day", "1 day"),
+        (1209600.0, "week", "2 weeks"),
+        (5400.0, "min", "90 min"),
+        (0.5, "s", "0.5 s"),
+    ],
+)
+def test_a_time_is_said_in_the_unit_of_its_file(seconds, unit, words):
+    reading = READING | {"time_s": seconds, "time_unit": unit}
+    assert formatting.when(reading) == f" at {words}"
 
 
 def test_a_search_is_drawn_before_its_finish():

@@ -52,8 +52,8 @@ def text() -> str:
 Synthetic data sets with noise: truths drawn from the priors, data from the model with the stated
 errors. How many of the stated intervals hold the truth, and in brackets how many should, but for a
 chance of one in a hundred: those of the profile likelihood, or one and 1.96 standard errors from
-the curvature at the optimum. Columns have {coverage.CELLS} cells. Where a mudline meets its bed at
-the time of a reading slopes jump: fits that end on such a kink take a simplex, and more runs. Made
-by `python -m tests.studies.recovery`.
+the curvature at the optimum. Where a mudline meets its bed at the time of a reading slopes jump:
+fits that end on such a kink take a simplex, and more runs. Made by `python -m
+tests.studies.recovery`.
 
 {table}"""

@@ -1,0 +1,68 @@
+"""Predicted curves at many times, between the readings too, with the errors of the fit."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from calibrate.inference.curvature import covariance, information
+from calibrate.least_squares.fit import Fit
+from calibrate.least_squares.interruptible import stoppable
+from calibrate.problem.problem import Problem
+from mrjax.core.promotion import relaxed_promotion
+
+STEP = 1e-4
+"""Of central differences in a logarithm: bands of errors are read off a figure."""
+
+
+class PredictedCurve(NamedTuple):
+    """The predicted curve of a sample, at T times."""
+
+    sample: str
+    observable: str
+    """`mudline` or `sedimentation_ratio`."""
+    unit: str
+    """That of its readings."""
+    times: np.ndarray
+    """(T,) in s."""
+    predicted: np.ndarray
+    """(T,) in `unit`."""
+    standard_error: np.ndarray
+    """Standard errors by data and priors, (T,) in `unit`."""
+
+
+def predicted_curves(problem: Problem, fit: Fit) -> tuple[PredictedCurve, ...]:
+    """The curve of each sample that has one.
+
+    Args:
+      problem: what was fitted.
+      fit: where it ended.
+    """
+    curves = problem.curves
+    if not curves:
+        return ()
+    predict = jax.jit(lambda logs: problem.predict_curves(_theta(fit, jnp.exp(logs))))
+
+    def at(logs: np.ndarray) -> np.ndarray:
+        return np.concatenate([np.asarray(one) for one in predict(logs)])
+
+    best = np.log(fit.values)
+    with stoppable(), relaxed_promotion():
+        predicted = at(best)
+        steps = STEP * np.eye(best.size)
+        slopes = np.stack([(at(best + one) - at(best - one)) / (2.0 * STEP) for one in steps])
+    known, _ = covariance(information(fit))
+    errors = np.sqrt(np.maximum(np.einsum("pt,pq,qt->t", slopes, known, slopes), 0.0))
+    ends = np.cumsum([len(sample.times) for sample, _ in curves])[:-1]
+    pieces = zip(curves, np.split(predicted, ends), np.split(errors, ends), strict=True)
+    return tuple(
+        PredictedCurve(
+            sample.name, one.observable, one.unit, np.asarray(sample.times), values, spread
+        )
+        for (sample, one), values, spread in pieces
+    )
+
+
+def _theta(fit: Fit, values: jax.Array) -> dict[str, jax.Array]:
+    return dict(zip(fit.names, values, strict=True))
