@@ -172,3 +172,13 @@ def test_residuals_whose_number_changes_are_refused():
         calibrate.fit(
             lambda theta: np.ones(3 if theta["a"] == 1.0 else 4), START, differentiable=False
         )
+
+
+def test_a_function_that_is_flat_over_small_steps_is_not_flat():
+    """Two numbers with one decimal: they stay over steps up to some percent."""
+
+    def coarse(theta):
+        return np.round(theta["a"] * np.array([3.017, 5.041]), 1) - 1.0
+
+    fit = calibrate.fit(coarse, {"a": 1.0}, differentiable=False, finish_steps=1)
+    assert fit.slopes.steps[0] > 0.05 and fit.jacobian.any()
