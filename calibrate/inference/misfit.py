@@ -18,7 +18,7 @@ from calibrate.problem.problem import Problem
 LARGEST_CHI_SQUARED = 4.0
 """Of a degree of freedom, two standard deviations each: beyond it a fit is called a misfit."""
 LEAST_P, LARGEST_SHARE = 1e-6, 0.05
-"""Beyond both, readings contradict the model or each other."""
+"""Beyond the first a fit is a misfit; beyond both, readings contradict the model or each other."""
 
 
 class Agreement(NamedTuple):
@@ -36,8 +36,9 @@ class Agreement(NamedTuple):
 
     @property
     def misfit(self) -> bool:
-        """True if the stated errors do not cover the residuals."""
-        return self.reduced_chi_squared > LARGEST_CHI_SQUARED
+        """True if the errors do not cover the residuals."""
+        by_chance = self.p_value is None or self.p_value >= LEAST_P
+        return self.reduced_chi_squared > LARGEST_CHI_SQUARED or not by_chance
 
     @property
     def contradicts(self) -> bool:

@@ -18,7 +18,7 @@ from calibrate.report.formatting import (
     when,
     with_error,
 )
-from calibrate.report.words import MARKDOWN, in_words
+from calibrate.report.words import MARKDOWN, in_words, misfit_in_words
 from mrjax.core.text import in_code, in_markdown
 from mrjax.io import files
 
@@ -39,11 +39,14 @@ def markdown(name: str, model: str, result: dict[str, Any], figures: dict[str, F
     left_out, new = _left_out(result.get("left_out", [])), _new_recipe(result.get("new"))
     beyond = "".join(f"\n**Warning:** {in_markdown(warning)}.\n" for warning in result["warnings"])
     notes = "".join(f"\nNote: {in_markdown(note)}.\n" for note in result["notes"])
-    said = in_words(result, MARKDOWN)
+    first = misfit_in_words(result, MARKDOWN)
+    said = in_words(result, MARKDOWN)[len(first) :]
     words = "\n".join(line if line.startswith("-") else f"\n{line}" for line in said)
+    bold = "".join(f"**{one}**\n\n" if one is first[0] else f"{one}\n\n" for one in first)
     return f"""# {in_markdown(name)}, fitted with the {model} model
 
-{verdict} chi-squared {result["chi_squared"]:.3g} from {len(result["predictions"])} measurements
+{bold}{verdict}
+chi-squared {result["chi_squared"]:.3g} from {len(result["predictions"])} measurements
 and {result["degrees_of_freedom"]} degrees of freedom; {result["model_runs"]} model runs,
 {result["wall_seconds"]:.0f} s.
 

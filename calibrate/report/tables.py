@@ -10,6 +10,7 @@ import numpy as np
 from calibrate.experiment.free_parameters import FreeParameter
 from calibrate.experiment.sample import Measurement, Sample, Scatter
 from calibrate.experiment.simulator import SimulatedExperiment
+from calibrate.inference.advice import advice, stand_out
 from calibrate.inference.curvature import covariance, information
 from calibrate.inference.curves import PredictedCurve
 from calibrate.inference.forecast import Forecast
@@ -88,6 +89,8 @@ def summary(
             for loss, values in fit.other_optima
         ],
         "optima": _optima(problem, fit),
+        "stands_out": stand_out(fit.residuals) if agreed.misfit else [],
+        "advice": advice(problem, fit, predicted) if agreed.misfit else [],
         "posterior": None if samples is None else _posterior(samples),
     }
 
@@ -325,6 +328,7 @@ def _predictions(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[dict
             "predicted": value,
             "predicted_error": error,
             "unit": one.unit,
+            "row": None if sample is None else one.row,
             **(where := _place(problem, sample, one)),
             **(
                 {"varies_as": expression(fit.names, np.round(row, 6))}

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from calibrate.experiment.units import TIME_UNITS
 from calibrate.inference.runs import TOO_FEW_BELOW
 from calibrate.report.formatting import by_chance, off, spelled, when, with_error
 from mrjax.core.text import in_code, in_markdown, in_terminal
@@ -23,6 +24,12 @@ AS_GOOD = 1.92
 """Largest rise of the loss of an optimum that 95 % of cases do not exclude."""
 
 TERMINAL = Language(in_terminal, lambda name: f"`{in_terminal(name)}`")
+
+TRY = (
+    "What may help: another closure, a bed that yields, a delay; a unit or height that is wrong by "
+    "a power of ten; larger errors."
+)
+"""What a reader may try where data and model do not agree."""
 
 SAID = {
     "carried_by_priors_alone": (
@@ -49,7 +56,7 @@ def in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]
     """The result in sentences: what the data determine and what they do not; one a line."""
     text, code = language
     parameters, combinations = result["parameters"], result["determined_combinations"]
-    lines = [_misfit(result)] if result["misfit"] else []
+    lines = misfit_in_words(result, language)
     lines += [_scatter(text(name), one) for name, one in result["scatter"].items()]
     lines += [_runs(text, one) for one in result["runs"]]
     lines += [
@@ -164,14 +171,59 @@ def _whose(text: Callable[[str], str], one: dict[str, Any]) -> str:
     return "" if one["sample"] is None else f" of sample {text(one['sample'])}"
 
 
+def misfit_in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]:
+    """Sentences about a misfit, or about agreement that proves nothing; none about another fit."""
+    if result["degrees_of_freedom"] <= 0 and not result["misfit"]:
+        values, numbers = len(result["parameters"]), len(result["predictions"])
+        return [
+            f"{values} value{'s' if values > 1 else ''} from {numbers} number"
+            f"{'s' if numbers > 1 else ''}: that agreement proves nothing."
+        ]
+    if not result["misfit"]:
+        return []
+    lines = [_misfit(result)]
+    if result["stands_out"]:
+        rows = [result["predictions"][place] for place in result["stands_out"]]
+        said = "; ".join(_far_off(row, result["data_as_understood"], language.text) for row in rows)
+        lines.append(f"Farthest off: {said}.")
+    lines += [f"{language.text(one[:1].upper() + one[1:])}." for one in result["advice"]]
+    return [*lines, TRY]
+
+
+def _far_off(
+    one: dict[str, Any], files: dict[str, dict[str, Any]], text: Callable[[str], str]
+) -> str:
+    """A reading that stands out, as its file has it.
+
+    Args:
+      one: the prediction of it.
+      files: records of how files were read, by sample.
+      text: escapes names.
+    """
+    table = "concentration" in one
+    file = files.get(f"{one['sample']}, velocities" if table else one["sample"], {})
+    row = "" if one["row"] is None else f", {file.get('row_word', 'row')} {one['row']}"
+    at = when(one)
+    if "time_s" in one and file:
+        at = f" at {one['time_s'] / TIME_UNITS[file['time_unit']]:.6g} {file['time_unit']}"
+    sample = "" if one["sample"] is None else f"sample {text(one['sample'])}, "
+    off = (one["predicted"] - one["measured"]) / one["sigma"]
+    unit = "" if one["unit"] == "1" else f" {one['unit']}"
+    return (
+        f"{sample}{spelled(one['observable'])}{at}{row}: {one['measured']:.4g}{unit} "
+        f"measured, {one['predicted']:.4g} predicted, {abs(off):.3g} standard deviations"
+    )
+
+
 def _misfit(result: dict[str, Any]) -> str:
     """The sentence about data that do not agree with the model."""
     p = "" if result["p_value"] is None else f", p {by_chance(result['p_value'])}"
+    whose = "Stated" if result["errors"] == "stated" else "Estimated"
     return (
         f"The data do not agree with the model, or with each other: chi-squared is "
         f"{result['chi_squared']:.3g} for {len(result['predictions'])} measurements, "
         f"{result['reduced_chi_squared']:.3g} for each degree of freedom{p}; residuals are "
-        f"{result['residuals_over_range']:.2g} of the range of the readings. Stated errors would "
+        f"{result['residuals_over_range']:.2g} of the range of the readings. {whose} errors would "
         f"have to be {result['error_scale']:.3g} times as large."
     )
 

@@ -1,0 +1,224 @@
+"""What may be wrong where data and model do not agree, as far as residuals tell.
+
+Of a curve: a bed that yields falls on where the model is at rest; a delay shows by first readings
+that fall behind and then catch up; residuals that go on from one to the next by a closure that
+bends otherwise. Of anything: a speed that a unit or a power of ten brings much nearer to the one
+of the recipe.
+"""
+
+from collections.abc import Iterator, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from calibrate.experiment.experiment import Experiment
+from calibrate.experiment.sample import Sample
+from calibrate.experiment.units import CURVES, TIME_UNITS, VELOCITY_UNITS
+from calibrate.inference.misfit import LARGEST_CHI_SQUARED
+from calibrate.least_squares.draws import SPREAD
+from calibrate.least_squares.fit import Fit
+from calibrate.problem.initial_slope import initial_slope
+from calibrate.problem.problem import Problem
+from mrjax import terminal_velocity
+
+STANDS_OUT, MOST = 3.0, 3
+"""Standard deviations from which a reading stands out, and how many are named."""
+SIGNIFICANT = 3.0
+"""Standard deviations of a difference that is none of noise."""
+AT_REST = 0.01
+"""Part of a predicted fall that is left where the model is at rest."""
+SHARE_OF_FALL = 1.0 / 3.0
+"""Part of a measured fall up to which a predicted one is next to nothing."""
+SLOWER = 0.7
+"""Part of the steepest speed below which a curve begins slowly."""
+FAR, NEARER = np.log(5.0), 0.5
+"""Logarithm of a speed over the recipe's that is far, and the part of it that a factor may leave
+which brings it much nearer."""
+UNLIKELY = 2.0
+"""Standard deviations of a speed, by the priors, within which no unit is doubted."""
+FEWEST = 6
+"""Readings of a curve from which its shape tells something."""
+SMOOTH = 0.7
+"""Durbin and Watson's statistic, 2 of noise, below which residuals are none: ten are in 1 %."""
+POWERS = (-6, -5, -4, -3, -2, -1, 1, 2, 3, 4, 5, 6)
+
+
+def stand_out(residuals: np.ndarray) -> list[int]:
+    """Places of the readings that are farthest off, the farthest first, of residuals (M,)."""
+    order = np.argsort(-np.abs(residuals), kind="stable")[:MOST]
+    return [int(place) for place in order if abs(residuals[place]) >= STANDS_OUT]
+
+
+def advice(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[str]:
+    """What may be wrong, sample by sample; empty where residuals tell nothing.
+
+    Args:
+      problem: what was fitted.
+      fit: how it ended.
+      predicted: each in its unit, (M,).
+    """
+    said: list[str] = []
+    first = 0
+    for sample in problem.experiment.samples:
+        place = slice(first, first + len(sample.measurements))
+        first = place.stop
+        said += _of_unit(problem.experiment, sample)
+        curve = _curve(sample, predicted[place])
+        if curve is not None:
+            said += [f"sample {sample.name}: {one}" for one in _of_shape(curve)]
+    return said
+
+
+class _Curve(NamedTuple):
+    """A curve in the order of its times, one reading a time."""
+
+    times: np.ndarray
+    """s, (T,)."""
+    measured: np.ndarray
+    predicted: np.ndarray
+    """(T,) each, in the unit of the readings."""
+    errors: np.ndarray
+    top: float
+    """Height of the suspension in that unit."""
+
+
+def _curve(sample: Sample, predicted: np.ndarray) -> _Curve | None:
+    """The curve of a sample; None without one."""
+    rows = [
+        (sample.times[one.place], one.value, value, one.standard_deviation)
+        for one, value in zip(sample.measurements, predicted, strict=True)
+        if one.place is not None and one.observable in CURVES
+    ]
+    if len(rows) < FEWEST:
+        return None
+    one = next(one for one in sample.measurements if one.observable in CURVES)
+    whole = 1.0 if one.observable == "sedimentation_ratio" else sample.height
+    every, *columns = np.array(rows, float).T
+    times, group, count = np.unique(every, return_inverse=True, return_counts=True)
+    measured, means, errors = (np.bincount(group, column) / count for column in columns)
+    return _Curve(times, measured, means, errors / np.sqrt(count), whole / one.si)
+
+
+def _of_shape(curve: _Curve) -> Iterator[str]:
+    """What the residuals of a curve look like."""
+    if _falls_on(curve):
+        yield (
+            "its last readings fall on where the model is at rest: a bed that yields under its "
+            "weight, or fines that are still on their way"
+        )
+    elif _begins_slowly(curve):
+        yield "it begins slower than it falls later: a delay, as flocs need that still grow"
+    elif _bends(curve):
+        yield "between its ends it bends otherwise than the model: another closure or exponent"
+
+
+def _falls_on(curve: _Curve) -> bool:
+    """True if the measured curve falls where the predicted one rests."""
+    end = curve.predicted[-1]
+    rests = curve.predicted <= end + AT_REST * (curve.top - end)
+    late = np.flatnonzero(rests)
+    if late.size < 2:
+        return False
+    first, last = late[0], late[-1]
+    fall = curve.measured[first] - curve.measured[last]
+    error = np.hypot(curve.errors[first], curve.errors[last])
+    return bool(
+        fall > SIGNIFICANT * error
+        and curve.predicted[first] - end < SHARE_OF_FALL * fall
+        and curve.measured[last] < end - curve.errors[last]
+    )
+
+
+def _begins_slowly(curve: _Curve) -> bool:
+    """True if first readings are above the model, and fall slower than later ones."""
+    times, heights, errors = curve.times, curve.measured, curve.errors
+    if times[0] > 0.0:
+        times = np.append(0.0, times)
+        heights, errors = np.append(curve.top, heights), np.append(0.0, errors)
+    speeds = -np.diff(heights) / np.diff(times)
+    uncertain = np.hypot(errors[1:], errors[:-1]) / np.diff(times)
+    later = 1 + int(np.argmax(speeds[1:]))
+    behind = np.flatnonzero(curve.times > 0.0)[0]
+    above = curve.measured[behind] - curve.predicted[behind]
+    return bool(
+        above > SIGNIFICANT * curve.errors[behind]
+        and speeds[0] < SLOWER * speeds[later]
+        and speeds[later] - speeds[0] > SIGNIFICANT * np.hypot(uncertain[0], uncertain[later])
+    )
+
+
+def _bends(curve: _Curve) -> bool:
+    """True if residuals are large and go on from one to the next, as those of noise do not."""
+    off = (curve.predicted - curve.measured) / curve.errors
+    large = np.mean(off**2) > LARGEST_CHI_SQUARED
+    return bool(large and np.sum(np.diff(off) ** 2) < SMOOTH * np.sum(off**2))
+
+
+def _of_unit(experiment: Experiment, sample: Sample) -> Iterator[str]:
+    """Factors that bring the speed of a sample much nearer to what the priors say."""
+    expected, spread = _believed_speed(experiment, sample)
+    slope = initial_slope(sample)
+    if slope is not None and sample.curve is not None:
+        own = sample.curve.time_unit
+        units = {name: second / TIME_UNITS[own] for name, second in TIME_UNITS.items()}
+        yield from _nearer(sample.name, slope / expected, spread, "times", own, units)
+    for one in sample.measurements:
+        if one.observable == "initial_velocity" and one.concentration is None:
+            own = one.unit
+            units = {name: one.si / si for name, si in VELOCITY_UNITS.items() if _alike(name, own)}
+            ratio = one.value * one.si / expected
+            yield from _nearer(sample.name, ratio, spread, "its velocity", own, units)
+
+
+def _believed_speed(experiment: Experiment, sample: Sample) -> tuple[float, float]:
+    """Speed with the medians of the priors, m/s, and the standard deviation of its logarithm."""
+
+    def speed(theta: Mapping[str, float]) -> float:
+        parameters = experiment.suspension_of(sample, theta).parameters
+        return float(np.abs(np.mean(np.asarray(terminal_velocity(parameters)))))
+
+    medians = experiment.medians
+    expected, variance = speed(medians), 0.0
+    for one in experiment.parameters:
+        spread = SPREAD if one.log_standard_deviation is None else one.log_standard_deviation
+        moved = speed({**medians, one.variable: medians[one.variable] * float(np.exp(spread))})
+        variance += float(np.log(moved / expected)) ** 2
+    return expected, variance**0.5
+
+
+def _alike(unit: str, other: str) -> bool:
+    """True for units of velocity with the same length or the same time."""
+    return any(one == two for one, two in zip(unit.split("/"), other.split("/"), strict=True))
+
+
+def _nearer(
+    name: str, ratio: float, spread: float, what: str, own: str, units: dict[str, float]
+) -> Iterator[str]:
+    """Sentences on a speed that is some times that of the recipe.
+
+    Args:
+      name: of the sample.
+      ratio: speed of the readings over that of the recipe with the medians.
+      spread: standard deviation of its logarithm by the priors.
+      what: is of a unit.
+      own: that unit.
+      units: speed over that in other units, by name.
+    """
+    if not 0.0 < ratio < np.inf or abs(np.log(ratio)) < max(FAR, UNLIKELY * spread):
+        return
+    left = NEARER * abs(np.log(ratio))
+    ideas = []
+    unit, factor = min(units.items(), key=lambda one: abs(np.log(ratio / one[1])))
+    if abs(np.log(ratio / factor)) < left and unit != own:
+        ideas.append(f"{what} in {unit}, not {own}, would make that {ratio / factor:.2g}")
+    power = min(POWERS, key=lambda one: abs(np.log(ratio) - one * np.log(10.0)))
+    if abs(np.log(ratio) - power * np.log(10.0)) < left:
+        ideas.append(
+            f"a height, viscosity or other quantity wrong by a factor of {10.0 ** abs(power):g}, "
+            f"{ratio / 10.0**power:.2g}"
+        )
+    if ideas:
+        yield (
+            f"sample {name}: it falls {ratio:.2g} times as fast as its recipe with the medians; "
+            f"{'; '.join(ideas)}"
+        )
