@@ -1,9 +1,10 @@
 """Identifiability: which values, and which products of powers, the data determine.
 
-Read from the Jacobian J of the residuals with respect to the logarithms of the values. The data
-alone give a product of powers, exp(c . ln theta), the error |c . J^-1| of its logarithm. It is
-determined where that is small by itself, or beside what a prior says of it. Moving along the null
-space of J changes no prediction, and only the priors say where on it to be.
+The singular directions of the Jacobian J of the residuals with respect to the logarithms of the
+values are the products of powers to look at. Each is determined where the error that the data alone
+leave its logarithm (`data_errors`) is small by itself, or beside what a prior says of it; and so is
+each value. Moving along the null space of J changes no prediction near the fit, and only the priors
+say where on it to be.
 """
 
 from dataclasses import dataclass, field
@@ -11,12 +12,15 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from calibrate.inference.curvature import RANK_TOLERANCE, UNKNOWN, standard_errors
+from calibrate.inference.data_errors import data_errors
 from calibrate.inference.products import expression, simplest_basis
 from calibrate.least_squares.fit import Fit
 
 DETERMINED, INFORMED = 1.0 / 3.0, 2.0
 """Largest error by the data alone over a prior's standard deviation of what is called so."""
 
+LARGEST_CHI_SQUARED = 4.0
+"""Of a degree of freedom, two standard deviations each: beyond it a fit is called a misfit."""
 WITHOUT_PRIOR = 0.5
 """Largest error of a logarithm by the data alone of what is determined and has no prior."""
 
@@ -50,7 +54,8 @@ class Identification:
     standard_errors: dict[str, float]
     """Standard error of each value, data and prior together; infinite where both are silent."""
     data_standard_errors: dict[str, float]
-    """Standard error of each logarithm by the data alone; infinite where they say nothing."""
+    """Standard error of each logarithm by the data alone: half of its 68 % profile interval;
+    infinite where one of its ends is not found."""
     status: dict[str, str]
     """Status of each value.
 
@@ -62,6 +67,8 @@ class Identification:
     """Products of powers of which the data say something, and too little to determine them."""
     null_exponents: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     """Exponents of the null directions, (K, P)."""
+    error_scale: float = 1.0
+    """By what the errors by the data alone are scaled: above 1 where the data do not fit."""
 
 
 def identify(fit: Fit) -> Identification:
@@ -82,6 +89,11 @@ def identify(fit: Fit) -> Identification:
     from_data = np.linalg.pinv(jacobian.T @ jacobian, rcond=RANK_TOLERANCE**2, hermitian=True)
     errors = np.full(len(rows), np.inf)
     errors[:rank] = 1.0 / singular[:rank]
+    known = errors < UNKNOWN
+    size = values.size
+    scale = _error_scale(fit, rank)
+    by_profile = data_errors(fit, np.vstack([np.eye(size), rows[known]]), scale**2)
+    errors[known] = by_profile[size:]
     limits = np.array([_limit(direction, fit.prior_precision) for direction in rows])
     seen, unseen = errors <= limits, errors > UNKNOWN
 
@@ -94,9 +106,7 @@ def identify(fit: Fit) -> Identification:
             value * float(np.sqrt(exponents @ from_data @ exponents)),
         )
 
-    in_row_space = np.sum(rows[:rank] ** 2, axis=0)
-    alone = np.where(in_row_space > 1 - RANK_TOLERANCE, np.sqrt(np.diag(from_data)), np.inf)
-    by_data = dict(zip(fit.names, map(float, alone), strict=True))
+    by_data = dict(zip(fit.names, map(float, by_profile[:size]), strict=True))
     status = {
         name: _status(by_data[name], precision)
         for name, precision in zip(fit.names, fit.prior_precision, strict=True)
@@ -111,10 +121,17 @@ def identify(fit: Fit) -> Identification:
         standard_errors=standard_errors(fit),
         data_standard_errors=by_data,
         status=status,
+        error_scale=scale,
         weak_combinations=tuple(
             expression(fit.names, np.round(row, 2)) for row in simplest_basis(rows[~seen & ~unseen])
         ),
     )
+
+
+def _error_scale(fit: Fit, rank: int) -> float:
+    """By what errors are too small where the data contradict the model; else 1."""
+    reduced = fit.chi_squared / max(1, fit.residuals.size - rank)
+    return float(reduced**0.5) if reduced > LARGEST_CHI_SQUARED else 1.0
 
 
 def _limit(direction: np.ndarray, precision: np.ndarray) -> float:

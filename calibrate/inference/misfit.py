@@ -11,12 +11,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.stats import chi2
 
-from calibrate.inference.identify import Identification
+from calibrate.inference.identify import LARGEST_CHI_SQUARED, Identification
 from calibrate.least_squares.fit import Fit
 from calibrate.problem.problem import Problem
 
-LARGEST_CHI_SQUARED = 4.0
-"""Of a degree of freedom, two standard deviations each: beyond it a fit is called a misfit."""
 LEAST_P, LARGEST_SHARE = 1e-6, 0.05
 """Beyond the first a fit is a misfit; beyond both, readings contradict the model or each other."""
 

@@ -10,8 +10,7 @@ import numpy as np
 from scipy.stats import norm, t
 from tqdm import tqdm
 
-from calibrate.inference.curvature import information
-from calibrate.inference.identify import identify
+from calibrate.inference.curvature import information, standard_errors
 from calibrate.least_squares.fit import Fit
 from calibrate.least_squares.interruptible import stoppable
 from mrjax.core.promotion import relaxed_promotion
@@ -63,7 +62,7 @@ def profiles(
       degrees_of_freedom: of errors that were estimated; infinite where they are stated.
     """
     at = levels(degrees_of_freedom)
-    errors = identify(fit).standard_errors
+    errors = standard_errors(fit)
     bounded = [place for place, name in enumerate(fit.names) if np.isfinite(errors[name])]
     total = len(bounded) * (1 + POINTS)
     shown = tqdm(desc="profiles", total=total, disable=not progress, leave=False)

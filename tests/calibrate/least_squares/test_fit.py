@@ -269,7 +269,7 @@ def test_an_error_larger_than_the_value_determines_nothing():
     assert found.status == {"a": "determined", "b": "free"}
     assert [one.expression for one in found.combinations] == ["a"]
     assert found.standard_errors["b"] == np.inf
-    assert found.data_standard_errors["b"] == near(250.0)
+    assert found.data_standard_errors["b"] == np.inf  # not within a factor of e^10
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,186 @@
+"""The errors that the data alone leave, by profile likelihood.
+
+The error of a product of powers, c . ln theta, is half the width of the interval about the optimum
+of the data in which chi-squared of the measurements rises by less than one, all else free. The
+curvature at the fit gives it where residuals are straight; a bed that the mudline has not reached,
+or a valley that bends, has another.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import null_space
+
+from calibrate.inference.curvature import RANK_TOLERANCE, UNKNOWN
+from calibrate.least_squares.bounds import Bounds
+from calibrate.least_squares.evaluator import half_square
+from calibrate.least_squares.fit import Fit
+from calibrate.least_squares.interruptible import stoppable
+from calibrate.least_squares.levenberg import Point, minimise
+from mrjax.core.promotion import relaxed_promotion
+
+NEAR = 0.03
+"""Of the root of the rise to one, at which the end of an interval is read off."""
+MOST_POINTS = 12
+"""At which the rise is looked at, to either side."""
+MOST_STEPS = 30
+"""Of everything else, at each of them: too few would make the rise too great."""
+AT_BOUND = 1e-9
+"""Distance of a logarithm to its bound."""
+FARTHER = 2.0
+"""How many times farther the next point may be."""
+
+
+class Valley(NamedTuple):
+    """The optimum of the data alone near a fit, or of the rest where something is held."""
+
+    logs: np.ndarray
+    """(P,)."""
+    loss: float
+    """Half of chi-squared of the measurements."""
+
+
+def data_errors(fit: Fit, directions: np.ndarray, level: float = 1.0) -> np.ndarray:
+    """Errors by the data alone of products of powers, in their logarithms, (K,).
+
+    Infinite where chi-squared does not rise by one within a factor of e^10 or the bounds.
+
+    Args:
+      fit: where it ended.
+      directions: exponents, of length one each, (K, P).
+      level: the rise of chi-squared; above one where stated errors are too small.
+    """
+    if not np.isfinite(fit.jacobian).all() or not np.isfinite(fit.residuals).all():
+        return np.full(len(directions), np.inf)
+    with stoppable(), relaxed_promotion():
+        best = _least(fit, np.log(fit.values), np.eye(fit.values.size), fit.box)
+        return np.array([_error(fit, best, one, level) for one in directions])
+
+
+def _error(fit: Fit, best: Valley, direction: np.ndarray, level: float) -> float:
+    ends = []
+    for way in (-1.0, 1.0):
+        ends.append(_end(fit, best, direction, way, level))
+        if not np.isfinite(ends[-1]):
+            return np.inf
+    return 0.5 * sum(ends)
+
+
+def _straight(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, float]:
+    """Where a straight valley leads for a unit of a product, (P,), and how far it rises by one."""
+    jacobian = np.asarray(fit.linearised(logs, fit.given)[0])[: fit.residuals.size]
+    if not np.isfinite(jacobian).all():
+        return direction, 1.0
+    information = jacobian.T @ jacobian
+    spread = np.linalg.pinv(information, rcond=RANK_TOLERANCE**2, hermitian=True)
+    unseen = direction - spread @ (information @ direction)
+    if (share := float(unseen @ unseen)) > RANK_TOLERANCE:
+        return unseen / share, 1.0
+    variance = float(direction @ spread @ direction)
+    return spread @ direction / variance, min(variance**0.5, UNKNOWN)
+
+
+def _end(fit: Fit, best: Valley, direction: np.ndarray, way: float, level: float) -> float:
+    """Distance from the optimum at which chi-squared has risen by a level; infinite if nowhere.
+
+    Args:
+      fit: where it ended.
+      best: the optimum of the data.
+      direction: what is held, (P,).
+      way: -1 or 1.
+      level: the rise.
+    """
+    free, box = _others(fit, direction)
+    farthest = min(UNKNOWN, _room(fit, best.logs, way * direction))
+    inner, outer = (0.0, 0.0), (np.inf, np.inf)  # distances, and roots of the rises there
+    last = best.logs
+    along, first = _straight(fit, last, direction)
+    at = min(first * level**0.5, farthest)
+    for _ in range(MOST_POINTS):
+        held = fit.box.clip(last + way * (at - inner[0]) * along)
+        if box is not None:  # one value is held, to the last digit
+            place = int(np.argmax(np.abs(direction)))
+            held[place] = best.logs[place] + way * at * direction[place]
+        there = _least(fit, held, free, box)
+        root = max(2.0 * (there.loss - best.loss) / level, 0.0) ** 0.5
+        if abs(root - 1.0) < NEAR:
+            return at / root if _within(fit, there.logs, direction) else np.inf
+        if root < 1.0:
+            if at >= farthest:
+                return np.inf
+            inner, last = (at, root), there.logs
+            along, _ = _straight(fit, last, direction)
+        else:
+            outer = at, root
+        at = _next(inner, outer, farthest)
+    return outer[0]
+
+
+def _within(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> bool:
+    """True if the bounds hold nothing that follows: else they and not the data made the rise."""
+    lower, upper = (np.broadcast_to(end, logs.shape) for end in fit.box)
+    follows = np.abs(direction) < 1.0 - RANK_TOLERANCE
+    return bool((np.minimum(logs - lower, upper - logs)[follows] > AT_BOUND).all())
+
+
+def _next(inner: tuple[float, float], outer: tuple[float, float], farthest: float) -> float:
+    """The distance to look at next, between the last that is too near and one too far."""
+    if not np.isfinite(outer[0]):
+        return min(inner[0] * min(FARTHER, 1.0 / max(inner[1], 1e-9)), farthest)
+    if not np.isfinite(outer[1]):
+        return 0.5 * (inner[0] + outer[0])
+    share = (1.0 - inner[1]) / (outer[1] - inner[1])
+    return inner[0] + min(max(share, 0.1), 0.9) * (outer[0] - inner[0])
+
+
+def _others(fit: Fit, direction: np.ndarray) -> tuple[np.ndarray, Bounds | None]:
+    """Directions that are free where one is held, (P, P - 1), and bounds where these are values."""
+    alone = np.abs(direction) > 1.0 - RANK_TOLERANCE
+    if not alone.any():
+        return null_space(direction[None]), None
+    keep = np.flatnonzero(~alone)
+    lower, upper = (np.broadcast_to(end, direction.shape) for end in fit.box)
+    return np.eye(direction.size)[:, keep], Bounds(lower[keep], upper[keep])
+
+
+def _room(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> float:
+    """Distance up to which the bounds let a value go that is held alone."""
+    place = int(np.argmax(np.abs(direction)))
+    if abs(direction[place]) < 1.0 - RANK_TOLERANCE:
+        return np.inf
+    lower, upper = (np.broadcast_to(end, logs.shape)[place] for end in fit.box)
+    end = upper if direction[place] > 0.0 else lower
+    return float(abs(end - logs[place]))
+
+
+def _least(fit: Fit, logs: np.ndarray, free: np.ndarray, box: Bounds | None) -> Valley:
+    """The least sum of squares of the measurements, from a place and along what is free.
+
+    Args:
+      fit: knows the residuals.
+      logs: where to begin, (P,).
+      free: directions that are free, (P, F).
+      box: bounds of these; None where they are no values: then nothing beyond those of the fit is
+        asked for.
+    """
+    count = fit.residuals.size
+
+    def at(places: list[np.ndarray]) -> list[Point]:
+        return [point(one) for one in places]
+
+    def point(place: np.ndarray) -> Point:
+        there = logs + free @ (place - begin)
+        if (fit.box.clip(there) != there).any() and box is None:
+            nothing = np.full(count, np.nan)
+            return Point(np.inf, place, np.full((count, place.size), np.nan), nothing)
+        jacobian, value = map(np.asarray, fit.linearised(there, fit.given))
+        of_data = value[:count]
+        return Point(half_square(of_data), place, jacobian[:count] @ free, of_data)
+
+    begin = free.T @ logs
+    bounds = box or Bounds(np.array(-np.inf), np.array(np.inf))
+    first = point(begin)
+    if not free.size:
+        return Valley(logs, first.loss)
+    (end,), _ = minimise(at, [first], bounds, MOST_STEPS)
+    return Valley(logs + free @ (end.logs - begin), end.loss)

@@ -1,0 +1,103 @@
+"""Errors by the data alone: profiles whose ends are known exactly."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import calibrate
+from calibrate import LogNormal
+from calibrate.inference.data_errors import NEAR, data_errors
+from tests.calibrate.least_squares.test_fit import near
+
+
+def errors_of(residuals, start, directions=None, level=1.0, **options):
+    found = calibrate.fit(residuals, start, **options)
+    directions = np.eye(found.values.size) if directions is None else np.asarray(directions)
+    return data_errors(found, directions, level)
+
+
+def test_straight_residuals_have_the_errors_of_their_curvature():
+    """And products, the roots of c (J'J)^-1 c; priors have no part in it."""
+    slopes = np.random.default_rng(3).normal(size=(7, 3))
+
+    def residuals(theta):
+        return slopes @ jnp.log(jnp.stack([theta["a"], theta["b"], theta["c"]])) + 0.1
+
+    directions = np.vstack([np.eye(3), [[0.6, 0.8, 0.0]]])
+    covariance = np.linalg.inv(slopes.T @ slopes)
+    exact = np.sqrt(np.einsum("kp,pq,kq->k", directions, covariance, directions))
+    priors = {"a": LogNormal(3.0, 0.1)}
+    for level in (1.0, 9.0):
+        found = errors_of(residuals, dict(a=1.0, b=2.0, c=3.0), directions, level, priors=priors)
+        np.testing.assert_allclose(found, exact * level**0.5, rtol=1e-6)
+
+
+def test_what_a_jacobian_does_not_see_is_seen_at_a_distance():
+    """(ln a)^3 = 0 +- 0.1 rises by one at 0.1^(1/3), to either side."""
+
+    def residuals(theta):
+        return jnp.stack([jnp.log(theta["a"]) ** 3 / 0.1, jnp.log(theta["b"]) / 0.3])
+
+    a, b = errors_of(residuals, dict(a=1.0, b=1.0))
+    assert a == near(0.1 ** (1 / 3), rel=NEAR)
+    assert b == near(0.3, rel=1e-6)
+
+
+def test_a_valley_that_bends_is_followed():
+    """b = a^ln(a) leaves a open along it, but for what a itself is read to."""
+
+    def residuals(theta):
+        a, b = jnp.log(theta["a"]), jnp.log(theta["b"])
+        return jnp.stack([(b - a**2) / 1e-2, (a - 0.5) / 0.7])
+
+    a, b = errors_of(residuals, dict(a=2.0, b=1.5))
+    assert a == near(0.7, rel=NEAR)
+    # From a = 1.2; and where b is below the least of the valley, by 0.7 % with the other residual.
+    below = -1e-2 * (1.0 - (0.5 / 0.7) ** 2) ** 0.5
+    assert b == near(0.5 * (1.2**2 - below), rel=NEAR)
+
+
+@pytest.mark.parametrize("way", [-1.0, 1.0])
+def test_one_end_alone_is_no_interval(way):
+    """exp(-a) of what has decayed: on one side chi-squared never rises by one."""
+
+    def residuals(theta):
+        return (jnp.exp(-5.0 * way * jnp.log(theta["a"])) - 0.1)[None] / 0.2
+
+    assert errors_of(residuals, dict(a=1.3**way)) == [np.inf]
+
+
+def test_bounds_are_no_data():
+    """Of a product one is as open as the other's bounds let it be: that is no error of the data."""
+
+    def residuals(theta):
+        return jnp.log(theta["a"] * theta["b"])[None] / 0.1
+
+    start, bounds = dict(a=1.0, b=1.0), {"b": (0.5, 2.0)}
+    assert errors_of(residuals, start, bounds=bounds).tolist() == [np.inf, np.inf]
+    product = errors_of(residuals, start, [np.array([1.0, 1.0]) / 2**0.5], bounds=bounds)
+    assert product[0] == near(0.1 / 2**0.5, rel=1e-6)
+
+
+def test_a_bed_that_is_not_reached_is_not_determined():
+    """max(1 - t, bed) at times before the bed is met says only that it is below."""
+
+    def residuals(theta):
+        times = jnp.array([0.2, 0.4, 0.6])
+        line = jnp.maximum(1.0 - theta["v"] * times, theta["bed"])
+        return (line - jnp.array([0.81, 0.59, 0.4])) / 0.01
+
+    bed, speed = errors_of(residuals, dict(v=1.0, bed=0.2))
+    assert speed < 0.03 and bed == np.inf
+
+
+def test_errors_are_scaled_where_the_data_do_not_fit():
+    """Four readings of one number, 5 errors apart: chi-squared of a degree of freedom is 33.3."""
+    readings = np.array([-5.0, 5.0, -5.0, 5.0])
+
+    def residuals(theta):
+        return jnp.log(theta["a"]) / 0.1 + readings
+
+    found = calibrate.identify(calibrate.fit(residuals, dict(a=1.0)))
+    assert found.error_scale == near((100.0 / 3.0) ** 0.5, rel=1e-9)
+    assert found.data_standard_errors["a"] == near(0.05 * found.error_scale, rel=1e-6)
