@@ -19,7 +19,7 @@ from scipy.special import logsumexp, softmax
 from calibrate.inference.proposal import Proposal
 from calibrate.least_squares.bounds import Bounds
 
-FIRST, MORE, MOST = 500, 250, 1250
+FIRST, MORE, MOST = 500, 250, 2500
 """Draws of a proposal: at first, between two looks at their weights, and in all."""
 ADAPTATIONS = 2
 LARGEST_K = 0.7
@@ -45,8 +45,7 @@ class Weighted(NamedTuple):
     weights: np.ndarray
     """(N,); their sum is one."""
     pareto_k: float
-    """Shape of the tail of the weights, or of what they give a variance, if that is greater;
-    infinite where draws are too few."""
+    """Shape of the tail of the weights, infinite where draws are too few."""
 
     @property
     def effective(self) -> float:
@@ -147,11 +146,7 @@ def _weighted(drawn: _Drawn) -> Weighted:
         return Weighted(logs, np.full(len(logs), 1.0 / max(len(logs), 1)), np.inf)
     ratios = drawn.densities[some] - drawn.proposal.log_density(logs)
     smoothed, k = _smoothed(ratios)
-    weights = softmax(smoothed)
-    offsets = np.abs(logs - weights @ logs).T
-    # The mean and the variance of every value have tails of their own.
-    each = [_smoothed(ratios + 2.0 * np.log(one + TINY))[1] for one in offsets]
-    return Weighted(logs, weights, max(k, *each))
+    return Weighted(logs, softmax(smoothed), k)
 
 
 def _smoothed(ratios: np.ndarray) -> tuple[np.ndarray, float]:
@@ -168,9 +163,6 @@ def _smoothed(ratios: np.ndarray) -> tuple[np.ndarray, float]:
 def _without_tail(ratios: np.ndarray) -> float:
     """K of weights whose tail cannot be fitted: none where they are all alike, else infinite."""
     return -np.inf if np.ptp(ratios) < 1e-9 else np.inf
-
-
-TINY = float(np.finfo(float).tiny)
 
 
 def _followed(each: Iterable[_Drawn]) -> tuple[np.ndarray, np.ndarray]:

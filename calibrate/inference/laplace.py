@@ -28,6 +28,8 @@ class Optima(NamedTuple):
 
     proposal: Proposal
     """A component for each that has a weight, the best first."""
+    weights: np.ndarray
+    """Weight of each by Laplace's approximation, (K,)."""
     lost: int
     """Optima of the cheap model at which the model itself gives no numbers, or goes on falling."""
 
@@ -53,9 +55,11 @@ def approximated(fit: Fit, density: Density) -> Optima:
     logs = volumes - np.array(losses)
     weights = np.exp(logs - logs.max())
     kept = weights / weights.sum() > NEGLIGIBLE
-    shares = np.maximum(weights[kept] / weights[kept].sum(), LEAST_SHARE)
+    weights = weights[kept] / weights[kept].sum()
+    shares = np.maximum(weights, LEAST_SHARE)
     scales = np.stack([np.linalg.inv(one) for one in informations])
-    return Optima(Proposal(shares / shares.sum(), np.stack(centres)[kept], scales[kept]), lost)
+    proposal = Proposal(shares / shares.sum(), np.stack(centres)[kept], scales[kept])
+    return Optima(proposal, weights, lost)
 
 
 def _refined(fit: Fit, logs: np.ndarray, steps: int) -> Point:

@@ -14,6 +14,7 @@ from tqdm import tqdm
 from calibrate.inference.chains import MOST, Piece, Sampler, arrays
 from calibrate.inference.density import Density
 from calibrate.inference.importance import Evaluate
+from calibrate.inference.laplace import Optima
 from calibrate.inference.proposal import Proposal
 from mrjax.core import randomness
 from mrjax.io.checkpoint import Checkpoint
@@ -21,6 +22,8 @@ from mrjax.io.checkpoint import Checkpoint
 CHAINS, WARM_UP, SAMPLES = 4, 300, 500
 STEPS = 7
 """Leapfrog steps of a draw, about, where positions are in standard deviations."""
+WEIGHTY = 5e-3
+"""Weight of an optimum by Laplace's approximation, from which on chains must have been there."""
 TRIES = 50
 """Draws among which a chain finds a place with a density."""
 
@@ -32,12 +35,13 @@ class Drawn(NamedTuple):
     """(C, N, P)."""
     divergences: int
     separated: bool
-    """True if no chain left the optimum at which it began, and they began at several."""
+    """True if each chain stays at one optimum, and not all at the same, or if none is at one of
+    some weight."""
 
 
 def sample(
     density: Density,
-    proposal: Proposal,
+    optima: Optima,
     log_densities: Evaluate,
     *,
     seed: int,
@@ -49,13 +53,14 @@ def sample(
 
     Args:
       density: of the posterior.
-      proposal: about its optima.
+      optima: of it.
       log_densities: of logarithms, (N, P).
       seed: of the chains.
       samples: of each of them.
       work: keeps every fifty draws.
       progress: whether to show a progress bar, on standard error.
     """
+    proposal = optima.proposal
     root, best = whitening(proposal)
     log_density = density.differentiable()
 
@@ -70,7 +75,7 @@ def sample(
     unfolded = best + drawn.positions[:, WARM_UP:] @ root.T
     logs = np.asarray(density.reflected(unfolded))
     divergences = int(drawn.divergent[:, WARM_UP:].sum())
-    return Drawn(logs, divergences, _separated(proposal, logs))
+    return Drawn(logs, divergences, _separated(optima, logs))
 
 
 def whitening(proposal: Proposal) -> tuple[np.ndarray, np.ndarray]:
@@ -97,10 +102,12 @@ def beginnings(
     return np.stack(first)
 
 
-def _separated(proposal: Proposal, logs: np.ndarray) -> bool:
-    """True if every chain, (C, N, P), stays about one optimum, and not all about the same."""
-    about = [set(proposal.nearest(chain)) for chain in logs]
-    return all(len(one) == 1 for one in about) and len(set.union(*about)) > 1
+def _separated(optima: Optima, logs: np.ndarray) -> bool:
+    """True if chains, (C, N, P), do not tell the weights of the optima."""
+    about = [set(optima.proposal.nearest(chain)) for chain in logs]
+    reached = set.union(*about)
+    missing = set(np.flatnonzero(optima.weights > WEIGHTY)) - reached
+    return bool(missing) or (len(reached) > 1 and all(len(one) == 1 for one in about))
 
 
 def _drawn(sampler: Sampler, work: Checkpoint | None, progress: bool) -> Piece:

@@ -20,6 +20,7 @@ from calibrate.inference.importance import LEAST_EFFECTIVE
 from calibrate.inference.laplace import approximated
 from calibrate.inference.model_runs import ModelRuns
 from calibrate.inference.nuts import CHAINS, SAMPLES
+from calibrate.inference.reach import ends_early
 from calibrate.least_squares.fit import Fit
 from calibrate.least_squares.interruptible import stoppable
 from mrjax import InputError
@@ -34,8 +35,8 @@ IMPORTANCE, NUTS = "importance sampling", "NUTS"
 METHODS = IMPORTANCE, NUTS
 
 SEPARATED = (
-    "the optima are separated: no chain left the one at which it began, so that their weights are "
-    "not known"
+    "the optima are separated: chains do not go from one to another, so that their weights are not "
+    "known"
 )
 LOST = (
     "an optimum that a cheap model found could not be looked at by the model itself, so that a "
@@ -183,24 +184,25 @@ def _sampled(
     """The fields of a posterior: arrays, and the others."""
     optima = approximated(fit, density)
     runs = ModelRuns(density, work, progress, importance.FIRST)
-    faults, pareto_k = [LOST] * bool(optima.lost), np.nan
+    faults, pareto_k, size = [LOST] * bool(optima.lost), np.nan, fit.values.size
     try:
         if method != NUTS:
             weighted = importance.sample(runs, optima.proposal, fit.box, seed)
             pareto_k = weighted.pareto_k
-            if weighted.good or method == IMPORTANCE:
+            early = _ends_early(fit, density, weighted.logs, weighted.weights)
+            if (weighted.good and not early) or method == IMPORTANCE:
                 random = np.random.default_rng([seed, 1 + importance.ADAPTATIONS])
-                logs = weighted.equal(CHAINS * samples, random)
                 arrays = {
-                    "samples": np.exp(logs),
-                    "r_hat": np.ones(fit.values.size),
-                    "effective": np.full(fit.values.size, weighted.effective),
+                    "samples": np.exp(weighted.equal(CHAINS * samples, random)),
+                    "r_hat": np.ones(size),
+                    "effective": np.full(size, weighted.effective),
                     "pareto_k": np.array(pareto_k),
                 }
-                return arrays, {"divergences": 0, "method": IMPORTANCE, "faults": faults}
+                told = {"divergences": 0, "method": IMPORTANCE, "faults": faults + early}
+                return arrays, told
         drawn = nuts.sample(
             density,
-            optima.proposal,
+            optima,
             runs,
             seed=seed,
             samples=samples,
@@ -210,13 +212,26 @@ def _sampled(
     finally:
         runs.close()
     arrays = {
-        "samples": np.exp(drawn.logs).reshape(-1, fit.values.size),
+        "samples": np.exp(drawn.logs).reshape(-1, size),
         "r_hat": diagnostics.r_hat(drawn.logs),
         "effective": diagnostics.effective(drawn.logs),
         "pareto_k": np.array(pareto_k),
     }
     faults += [SEPARATED] * drawn.separated
+    faults += _ends_early(fit, density, drawn.logs.reshape(-1, size))
     return arrays, {"divergences": drawn.divergences, "method": NUTS, "faults": faults}
+
+
+def _ends_early(
+    fit: Fit, density: Density, logs: np.ndarray, weights: np.ndarray | None = None
+) -> list[str]:
+    """Sentences on values beyond whose samples, (N, P), the posterior goes on."""
+    if len(logs) < 2:
+        return []
+    middle = np.average(logs, axis=0, weights=weights)
+    covariance = np.atleast_2d(np.cov(logs.T, aweights=weights))
+    names = ends_early(fit, density, middle, covariance)
+    return [f"the posterior goes on beyond the samples of {', '.join(names)}"] * bool(names)
 
 
 def _of_arrays(fit: Fit, arrays: dict[str, np.ndarray], told: dict[str, Any]) -> Posterior:
