@@ -23,6 +23,7 @@ from calibrate.inference.profile import Profile, profiles
 from calibrate.least_squares.fit import Fit
 from calibrate.models.prediction import ForwardModelMaker
 from calibrate.problem.problem import Problem
+from calibrate.problem.scatter import places_of_scatter
 from calibrate.problem.simulated import fit_simulator
 from calibrate.problem.solve import calibrated as calibrated
 from calibrate.problem.solve import fit_experiment
@@ -305,7 +306,16 @@ def _with_what_is_asked(
     if options.posterior and fit.converged:
         with _collected(faults):
             more["posterior"] = sample_posterior(
-                fit, options.seed, checkpoint=folders["posterior"], progress=progress
+                fit,
+                options.seed,
+                checkpoint=folders["posterior"],
+                progress=progress,
+                scatter=places_of_scatter(calibration.problem, fit),
+                uniform=[
+                    one.variable
+                    for one in experiment.parameters
+                    if one.bounds and one.prior is None
+                ],
             )
     if options.leave_one_out:
         with _collected(faults):

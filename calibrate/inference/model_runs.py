@@ -3,6 +3,7 @@
 import sys
 import time
 from collections.abc import Callable
+from typing import Self
 
 import jax
 import numpy as np
@@ -42,8 +43,10 @@ class ModelRuns:
         pieces = [self._piece(logs[first : first + PIECE]) for first in range(0, len(logs), PIECE)]
         return np.concatenate([np.zeros(0), *pieces])
 
-    def close(self) -> None:
-        """Takes the progress bar away."""
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
         self._bar.close()
 
     def _piece(self, logs: np.ndarray) -> np.ndarray:
@@ -70,7 +73,9 @@ class ModelRuns:
         return self._residuals(logs)
 
     def _residuals(self, logs: np.ndarray) -> np.ndarray:
-        return np.asarray(wait_for(self._density.everything(logs, self._density.given)))
+        residuals = self._density.everything(logs, self._density.given)
+        # Those that JAX does not trace are there at once.
+        return np.asarray(wait_for(residuals) if isinstance(residuals, jax.Array) else residuals)
 
 
 def say_estimate(what: str, number: int, each: float, progress: bool) -> None:

@@ -7,6 +7,8 @@ which is wider than the posterior, in turn about each of the optima.
 
 from typing import NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from tqdm import tqdm
@@ -67,13 +69,18 @@ def sample(
     def at(position: Array) -> Array:
         return log_density(density.reflected(best + root @ position))
 
+    def home(position: Array, gradient: Array) -> tuple[Array, Array]:
+        """Within the bounds: chains that wander from image to image seem wide."""
+        logs, reflection = jax.vjp(density.reflected, best + root @ position)
+        (back,) = reflection(jnp.linalg.solve(root.T, gradient))
+        return jnp.linalg.solve(root, logs - best), root.T @ back
+
     first = beginnings(proposal, log_densities, density, seed)
     positions = np.linalg.solve(root, (first - best).T).T
     with randomness.ordered():
-        sampler = Sampler(at, positions, seed=seed, warm_up=WARM_UP, draws=samples)
+        sampler = Sampler(at, positions, seed=seed, warm_up=WARM_UP, draws=samples, home=home)
         drawn = _drawn(sampler, work, progress)
-    unfolded = best + drawn.positions[:, WARM_UP:] @ root.T
-    logs = np.asarray(density.reflected(unfolded))
+    logs = best + drawn.positions[:, WARM_UP:] @ root.T
     divergences = int(drawn.divergent[:, WARM_UP:].sum())
     return Drawn(logs, divergences, _separated(optima, logs))
 

@@ -9,16 +9,17 @@ import importlib.util
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from calibrate.inference import diagnostics, importance, nuts
 from calibrate.inference.curvature import information
 from calibrate.inference.density import Density, unbounded
-from calibrate.inference.importance import LEAST_EFFECTIVE
-from calibrate.inference.laplace import approximated
-from calibrate.inference.model_runs import ModelRuns
+from calibrate.inference.importance import LEAST_EFFECTIVE, Weighted
+from calibrate.inference.laplace import Optima, approximated
+from calibrate.inference.model_runs import ModelRuns, say_estimate, seconds_of
 from calibrate.inference.nuts import CHAINS, SAMPLES
 from calibrate.inference.reach import ends_early
 from calibrate.least_squares.fit import Fit
@@ -41,6 +42,9 @@ SEPARATED = (
 LOST = (
     "an optimum that a cheap model found could not be looked at by the model itself, so that a "
     "part of the posterior may be missing"
+)
+WITHOUT_GRADIENT = (
+    "weights are too uneven, and JAX does not trace the model, so that NUTS cannot take over"
 )
 
 
@@ -98,7 +102,7 @@ def posterior(
     progress: bool = False,
     *,
     method: str | None = None,
-    scatter: Sequence[Sequence[int]] = (),
+    scatter: Sequence[ArrayLike] = (),
     uniform: Sequence[str] = (),
 ) -> Posterior:
     """Samples the posterior of a fit.
@@ -149,9 +153,9 @@ def posterior(
             f"the posterior of {', '.join(endless)} has no end: no measurement and no prior "
             "bounds it; give log_standard_deviation, or standard_deviation with bounds"
         )
-    work = None
+    kept = None
     if checkpoint is not None:
-        work = Checkpoint.of_work(
+        kept = Checkpoint.of_work(
             Path(checkpoint),
             names=fit.names,
             values=fit.values,
@@ -163,74 +167,98 @@ def posterior(
             uniform=density.uniform,
             information=information(fit),
         )
-        if (kept := work.load("samples")) is not None:
-            return _of_arrays(fit, *kept)
+        if (done := kept.load("samples")) is not None:
+            return _of_arrays(fit, *done)
     with stoppable(), relaxed_promotion():
-        arrays, told = _sampled(fit, density, seed, samples, method, work, progress)
-    if work is not None:
-        work.save("samples", arrays, told)
+        optima = approximated(fit, density)
+        with ModelRuns(density, kept, progress, importance.FIRST) as runs:
+            work = _Work(fit, density, optima, runs, seed, samples, kept, progress)
+            arrays, told = _sampled(work, method)
+    if kept is not None:
+        kept.save("samples", arrays, told)
     return _of_arrays(fit, arrays, told)
 
 
-def _sampled(
-    fit: Fit,
-    density: Density,
-    seed: int,
-    samples: int,
-    method: str | None,
-    work: Checkpoint | None,
-    progress: bool,
-) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-    """The fields of a posterior: arrays, and the others."""
-    optima = approximated(fit, density)
-    runs = ModelRuns(density, work, progress, importance.FIRST)
-    faults, pareto_k, size = [LOST] * bool(optima.lost), np.nan, fit.values.size
-    try:
-        if method != NUTS:
-            weighted = importance.sample(runs, optima.proposal, fit.box, seed)
-            pareto_k = weighted.pareto_k
-            early = _ends_early(fit, density, weighted.logs, weighted.weights)
-            if (weighted.good and not early) or method == IMPORTANCE:
-                random = np.random.default_rng([seed, 1 + importance.ADAPTATIONS])
-                arrays = {
-                    "samples": np.exp(weighted.equal(CHAINS * samples, random)),
-                    "r_hat": np.ones(size),
-                    "effective": np.full(size, weighted.effective),
-                    "pareto_k": np.array(pareto_k),
-                }
-                told = {"divergences": 0, "method": IMPORTANCE, "faults": faults + early}
-                return arrays, told
-        drawn = nuts.sample(
-            density,
-            optima,
-            runs,
-            seed=seed,
-            samples=samples,
-            work=work,
-            progress=progress,
-        )
-    finally:
-        runs.close()
+class _Work(NamedTuple):
+    """What both ways of sampling need."""
+
+    fit: Fit
+    density: Density
+    optima: Optima
+    runs: ModelRuns
+    seed: int
+    samples: int
+    kept: Checkpoint | None
+    progress: bool
+
+    @property
+    def faults(self) -> list[str]:
+        """Faults of both ways."""
+        return [LOST] * bool(self.optima.lost)
+
+
+Fields = tuple[dict[str, np.ndarray], dict[str, Any]]
+"""Fields of a posterior: arrays, and the others."""
+
+
+def _sampled(work: _Work, method: str | None) -> Fields:
+    """The fields of a posterior, by importance sampling if that is asked for or enough."""
+    if method == NUTS:
+        return _by_nuts(work, np.nan)
+    weighted = importance.sample(work.runs, work.optima.proposal, work.fit.box, work.seed)
+    faults = _ends_early(work, weighted.logs, weighted.weights)
+    if (weighted.good and not faults) or method == IMPORTANCE:
+        return _by_importance(work, weighted, faults)
+    if work.fit.slopes is not None:
+        return _by_importance(work, weighted, [*faults, WITHOUT_GRADIENT])
+    return _by_nuts(work, weighted.pareto_k)
+
+
+def _by_importance(work: _Work, weighted: Weighted, faults: list[str]) -> Fields:
+    random = np.random.default_rng([work.seed, 1 + importance.ADAPTATIONS])
+    size = work.fit.values.size
     arrays = {
-        "samples": np.exp(drawn.logs).reshape(-1, size),
+        "samples": np.exp(weighted.equal(CHAINS * work.samples, random)),
+        "r_hat": np.ones(size),
+        "effective": np.full(size, weighted.effective),
+        "pareto_k": np.array(weighted.pareto_k),
+    }
+    return arrays, {"divergences": 0, "method": IMPORTANCE, "faults": work.faults + faults}
+
+
+def _by_nuts(work: _Work, pareto_k: float) -> Fields:
+    number = CHAINS * (nuts.WARM_UP + work.samples) * nuts.STEPS
+    # Moved, so that it is not recalled from the fit.
+    near = np.log(work.fit.values) * (1.0 - 1e-12) - 1e-12
+    each = seconds_of(work.fit.linearised, near, work.fit.given)
+    say_estimate(f"{number} gradients for NUTS", number, each, work.progress)
+    drawn = nuts.sample(
+        work.density,
+        work.optima,
+        work.runs,
+        seed=work.seed,
+        samples=work.samples,
+        work=work.kept,
+        progress=work.progress,
+    )
+    logs = drawn.logs.reshape(-1, work.fit.values.size)
+    arrays = {
+        "samples": np.exp(logs),
         "r_hat": diagnostics.r_hat(drawn.logs),
         "effective": diagnostics.effective(drawn.logs),
         "pareto_k": np.array(pareto_k),
     }
-    faults += [SEPARATED] * drawn.separated
-    faults += _ends_early(fit, density, drawn.logs.reshape(-1, size))
+    faults = work.faults + [SEPARATED] * drawn.separated + _ends_early(work, logs)
     return arrays, {"divergences": drawn.divergences, "method": NUTS, "faults": faults}
 
 
-def _ends_early(
-    fit: Fit, density: Density, logs: np.ndarray, weights: np.ndarray | None = None
-) -> list[str]:
+def _ends_early(work: _Work, logs: np.ndarray, weights: np.ndarray | None = None) -> list[str]:
     """Sentences on values beyond whose samples, (N, P), the posterior goes on."""
-    if len(logs) < 2:
+    if len(logs) < importance.FEWEST:
         return []
     middle = np.average(logs, axis=0, weights=weights)
     covariance = np.atleast_2d(np.cov(logs.T, aweights=weights))
-    names = ends_early(fit, density, middle, covariance)
+    names = ends_early(work.fit, work.density, middle, covariance)
     return [f"the posterior goes on beyond the samples of {', '.join(names)}"] * bool(names)
 
 

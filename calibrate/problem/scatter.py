@@ -96,6 +96,28 @@ def _estimated(problem: Problem, fit: Fit) -> Experiment:
     return replace(problem.experiment, samples=tuple(samples))
 
 
+def places_of_scatter(problem: Problem, fit: Fit) -> list[np.ndarray]:
+    """Places of the measurements of each scatter that is what the residuals of a fit give.
+
+    None of a robust fit, and none of a scatter that is the least there can be.
+    """
+    experiment, first, groups = problem.experiment, 0, []
+    for sample in experiment.samples:
+        tabled = [one.concentration is not None for one in sample.measurements]
+        groups.append((first + np.flatnonzero(tabled), sample.scatter))
+        first += len(tabled)
+    if isinstance(scatter := getattr(experiment, "scatter", None), Scatter):  # of a simulator
+        groups.append((np.arange(fit.residuals.size), scatter))
+    return [
+        places
+        for places, scatter in groups
+        if fit.robust is None
+        and scatter is not None
+        and scatter.source == "fit"
+        and np.sum(fit.residuals[places] ** 2) > 0.9 * scatter.degrees_of_freedom
+    ]
+
+
 def uncapped(fit: Fit) -> np.ndarray:
     """Residuals in standard deviations, (M,), of a robust fit as they are and not as they count."""
     if fit.robust is None:
