@@ -191,8 +191,8 @@ def _stated(role: Role, stated: ColumnsSheet, heads: list[Heading], at: str) -> 
         if not places or (len(places) > 1 and role not in OF_READINGS):
             count = "no column" if not places else f"{len(places)} columns"
             raise InputError(
-                f"{at}: columns.{role} = {shown(given)}: there is {count} of it; the header is "
-                f"{_listed(heads)}"
+                f"{at}: columns.{role} = {shown(given)}: there is {count} of it; give a name or "
+                f"number of the header, which is {_listed(heads)}"
             )
         found += [Column(place, heads[place], _role(role, heads[place])) for place in places]
     return found

@@ -2,7 +2,7 @@
 
 import csv
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 
 from calibrate.experiment.readings import cells
 from calibrate.experiment.readings.dates import is_clock_or_date
@@ -17,10 +17,14 @@ STATED = {
     **{"comma": ",", "semicolon": ";", "tab": "\t", "\\t": "\t", "bar": "|", "space": " "},
 }
 """Delimiters by the words of an experiment file."""
+IN_CELLS = ", "
+"""Those that stand in cells."""
+NEARLY_ALL = 0.8
+"""Part of the most lines of readings that a mark must give which stands in no cell."""
 LOOKED_AT = 200
 """Lines by which a delimiter is found."""
-_WORDS = re.compile(r"[^\s(\[]+(?:\s*(?:\([^)]*\)|\[[^\]]*\]))?")
-"""A word, with the unit in brackets behind it."""
+_WORDS = re.compile(r"[^\s(\[]+(?:\s*(?:\([^)]*\)|\[[^\]]*\])[^\s(\[]*)*")
+"""A word, with what stands in brackets behind it, such as its unit."""
 
 Line = tuple[int, str]
 
@@ -39,10 +43,12 @@ def delimiter_of(lines: list[Line], stated: str | None, path: str) -> str:
     if stated is not None:
         return _stated(stated, lines, path)
     beginning = lines[:LOOKED_AT]
-    counts = {
-        mark: (_lines_of_readings(beginning, mark), _lines_of_cells(beginning, mark))
-        for mark in NAMES
-    }
+    counts = {mark: _counts(beginning, mark) for mark in NAMES}
+    most = max(readings for readings, _ in counts.values())
+    for mark, (readings, parted) in counts.items():
+        # Words and numbers of a header have spaces and commas within, and seldom any other mark.
+        if mark not in IN_CELLS and parted > readings > NEARLY_ALL * most:
+            return mark
     best = max(counts, key=lambda mark: counts[mark])
     return best if any(counts[best]) else ","
 
@@ -95,30 +101,30 @@ def _stated(stated: str, lines: list[Line], path: str) -> str:
     return mark
 
 
-def _lines_of_readings(lines: list[Line], mark: str) -> int:
-    """Lines of at least two numbers, times or empty cells, and one that is not empty."""
+def _counts(lines: list[Line], mark: str) -> tuple[int, int]:
+    """Lines of readings, and lines of at least two cells among these and their header.
 
-    def has_readings(cells_of: list[str]) -> bool:
-        read = [is_reading(cell) for cell in cells_of]
-        return sum(read) > 1 or (sum(read) == 1 and any(map(cells.is_missing, cells_of)))
-
-    return _count(lines, mark, has_readings)
-
-
-def _lines_of_cells(lines: list[Line], mark: str) -> int:
-    """Lines of at least two cells."""
-    return _count(lines, mark, lambda cells_of: len(cells_of) > 1)
+    Sentences above the header have any number of words.
+    """
+    parted = [_cells(line, mark) for line in lines]
+    readings = [place for place, one in enumerate(parted) if _has_readings(one)]
+    header = max(0, readings[0] - 1) if readings else 0
+    return len(readings), sum(len(one) > 1 for one in parted[header:])
 
 
-def _count(lines: list[Line], mark: str, accepts: Callable[[list[str]], bool]) -> int:
-    count = 0
-    for number, line in lines:
-        try:
-            (row,) = rows([(number, line)], mark, "")
-        except (InputError, ValueError):
-            continue
-        count += accepts(row.cells)
-    return count
+def _cells(line: Line, mark: str) -> list[str]:
+    """The cells of a line; none where its quotation marks have no partner."""
+    try:
+        (row,) = rows([line], mark, "")
+    except (InputError, ValueError):
+        return []
+    return row.cells
+
+
+def _has_readings(cells_of: list[str]) -> bool:
+    """True for at least two numbers, times or empty cells, and one that is not empty."""
+    read = [is_reading(cell) for cell in cells_of]
+    return sum(read) > 1 or (sum(read) == 1 and any(map(cells.is_missing, cells_of)))
 
 
 def is_reading(cell: str) -> bool:

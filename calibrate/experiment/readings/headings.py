@@ -14,10 +14,15 @@ Kind = tuple[Role, int]
 """A role and a rank: of several columns that may be the mudline the least is."""
 INITIAL = re.compile(r"[a-z][\s_]?[0o]")
 """The symbol of an initial value: `h0`."""
-RATIO_OF_SYMBOLS = re.compile(r"(h|v|z)\s*/\s*(h|v|z)[\s_]*[0o]?")
-"""`h/h0`."""
+RATIO_OF_SYMBOLS = re.compile(r"(h|v|z)\s*/\s*(h|v|z)[\s_]*[0o]?(?:[\s_#.]+\d+)?")
+"""`h/h0`, and `h/h0 2` of repeats."""
 ALONE_NO_UNIT = ("h", "1", "y", "-", "in")
 """Headers that are names or nothing, though units have these names, too."""
+DASHES = ("-", "\N{EN DASH}", "\N{MINUS SIGN}")
+"""In the place of the unit of a number without one."""
+NO_UNIT_BEHIND = ("1", "-", "in")
+"""Last words of a header that are no unit of it."""
+_IN_BRACKETS = re.compile(r"[(\[{<]\s*([^()\[\]{}<>]*?)\s*[)\]}>]")
 _BRACKETS = re.compile(r"[\(\[].*?[\)\]]")
 
 
@@ -84,20 +89,27 @@ def heading(written: str) -> Heading:
     `Time (min)`, `h [mm]`, `t/d`, `mudline_mm`, `height in cm`, `min`.
     """
     plain = unicodedata.normalize("NFKC", written).casefold().strip(" *:\"'")
-    if match := re.fullmatch(r"(.*?)\s*[(\[{<]\s*([^()\[\]{}<>]*?)\s*[)\]}>]\s*(.*)", plain):
-        name, unit, rest = match[1], match[2].removeprefix("in ").strip(), match[3]
-        unit = "%" if unit.startswith(("%", "percent")) else unit
+    for bracket in _IN_BRACKETS.finditer(plain):
+        unit = bracket[1].removeprefix("in ").strip()
+        unit = "%" if unit.startswith(("%", "percent")) else "1" if unit in DASHES else unit
         if _is_unit(unit):
-            return Heading(written, f"{name} {rest}".strip(), unit, True)
+            name = f"{plain[: bracket.start()].strip()} {plain[bracket.end() :].strip()}"
+            return Heading(written, name.strip(" _"), unit, True)
     match = re.fullmatch(r"(.+?)\s*/\s*([^/\s]+)", plain)
     if match and _is_unit(match[2]) and not _is_unit(f"{match[1].strip()}/{match[2]}"):
         return Heading(written, match[1], match[2], True)
     if _is_unit(plain) and plain not in ALONE_NO_UNIT:
         return Heading(written, "", plain, True)
     whole = Heading(written, plain.replace("_", " "), "", False)
-    match = re.fullmatch(r"(.+?)(?:[\s_,;.\-]+(?:in[\s_]+)?|(?=%))([^\s_,;\-]+)", plain)
-    if match and _is_unit(match[2]) and match[2] not in ("1", "-", "in") and "of " not in plain:
-        found = Heading(written, match[1].removesuffix(" in"), match[2], False)
+    match = re.fullmatch(r"(.+?)([\s_,;.\-]+(?:in[\s_]+)?|(?=%))([^\s_,;\-]+)", plain)
+    loose = match is not None and match[2] == " " and not match[1].endswith(" in")
+    if (
+        match
+        and _is_unit(match[3])
+        and match[3] not in NO_UNIT_BEHIND
+        and not (loose and "of " in plain)
+    ):
+        found = Heading(written, match[1].removesuffix(" in"), match[3], False)
         if found.kind is None and whole.kind is not None:
             return whole
         if _fits(found):
@@ -114,13 +126,15 @@ def _fits(found: Heading) -> bool:
 
 
 def is_unit_cell(text: str) -> bool:
-    """True if a cell holds a unit and nothing else, with or without brackets, or is empty."""
-    return not text or _is_unit(unit_of_cell(text))
+    """True if a cell holds a unit and nothing else, with or without brackets, or no unit."""
+    unit = unit_of_cell(text)
+    return not unit or _is_unit(unit)
 
 
 def unit_of_cell(text: str) -> str:
     """The unit of a cell below a header."""
-    return unicodedata.normalize("NFKC", text).casefold().strip(" ()[]")
+    unit = unicodedata.normalize("NFKC", text).casefold().strip(" ()[]")
+    return "" if unit in DASHES else unit
 
 
 def _is_unit(word: str) -> bool:

@@ -69,7 +69,7 @@ def _table(content: bytes, path: Path, sheet: FileSheet) -> Table:
         plain = line.strip()
         if not lines and (named := _SEPARATOR.fullmatch(plain)):
             mark = mark or named[1]
-        elif plain.lstrip('"').startswith(COMMENTS):
+        elif line.lstrip(' "').startswith(COMMENTS):  # a tab is an empty cell
             comment = comment if lines else (number, plain.lstrip('"#%/ \t'))
         elif plain:
             lines.append((number, line))

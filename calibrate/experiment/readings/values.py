@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from calibrate.experiment.readings import cells
+from calibrate.experiment.readings import cells, vocabulary
 from calibrate.experiment.readings.cells import Cell
 from calibrate.experiment.readings.columns import Column, Layout
 from calibrate.experiment.readings.points import Point
@@ -112,8 +112,9 @@ def _unit(points: Sequence[Point], layout: Layout, sheet: CurveSheet) -> str:
             unit = unit or own
             if own != unit:
                 raise point.reading.refuse(f"is in {own}, and its column in {unit}; mend one")
-    if unit is None and column.role == "sedimentation_ratio" and "/" in column.heading.name:
-        unit = "1"
+    if unit is None and column.role == "sedimentation_ratio":
+        # As a number; percents would be refused as above the height.
+        unit = "%" if column.heading.words & vocabulary.PERCENT else "1"
     if unit is None:
         raise InputError(
             f"{at}: its readings have no unit; write it into the header, as in "

@@ -164,7 +164,8 @@ def _stated(
         if len(fits) != 1:
             count = "no column" if not fits else f"{len(fits)} columns"
             raise InputError(
-                f"{at}: columns.{role} = {shown(one)}: there is {count} of it; the header is "
+                f"{at}: columns.{role} = {shown(one)}: there is {count} of it; give a name or "
+                "number of the header, which is "
                 f"{_listed(columns)}"
             )
         found += fits

@@ -61,7 +61,7 @@ CONCENTRATION = _words(
 ) | {"\N{GREEK SMALL LETTER PHI}"}
 BY_VOLUME = _words("vol volume volumetric phi") | {"\N{GREEK SMALL LETTER PHI}"}
 BY_WEIGHT = _words("wt weight mass w massic")
-PERCENT = _words("% percent pct prozent")
+PERCENT = _words("% percent percentage pct prozent")
 FRACTION = _words("fraction frac phi") | {"\N{GREEK SMALL LETTER PHI}"}
 LIQUID = _words("water liquid fluid oil solvent carrier")
 SOLID = _words("solid solids particle particles powder sediment beads")
