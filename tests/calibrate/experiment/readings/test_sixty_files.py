@@ -119,3 +119,23 @@ def test_the_file_without_mistakes_is_read(tmp_path):
     assert [one.value for one in sample.measurements] == [
         float(row[1]) for row in wrong_files.RIGHT[1:]
     ]
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "t (min),h/h0 [-]\n0,1\n10,0.9\n",
+        "t (min),ratio\nmin,-\n0,1\n10,0.9\n",
+        "t_[min]  H(T)_(mm)\n0  400\n10  360\n",
+        "time\tsupernatant\n\t%\n0 min\t0\n10 min\t10\n",
+        "time (min),sedimentation percentage\n0,100\n10,90\n",
+    ],
+)
+def test_a_rare_form_is_read_with_its_numbers(content, tmp_path):
+    """Of the full height at once, and of nine tenths after ten minutes."""
+    (tmp_path / "rare.csv").write_text(content)
+    sample = sample_of(tmp_path, "rare.csv", {}, 0.4, None)
+    whole = 1.0 if sample.measurements[0].observable == "sedimentation_ratio" else 0.4
+    ratios = [one.value * one.si / whole for one in sample.measurements]
+    assert [sample.times[one.place] for one in sample.measurements] == pytest.approx([0.0, 600.0])
+    assert ratios == pytest.approx([1.0, 0.9])
