@@ -264,6 +264,18 @@ def test_options_of_experiments_are_refused(options):
         calibrate.run(simulator(), **options)
 
 
+def test_a_posterior_needs_no_gradient():
+    """The same draws of the same density, with other slopes at its optimum only."""
+    for package in ("blackjax", "corner", "arviz_stats"):
+        pytest.importorskip(package)
+    ours, traced = (calibrate.run(simulator(one), posterior=True) for one in (by_numpy, by_jax))
+    assert ours.faults == () and ours.posterior.converged and not ours.problem.traced
+    np.testing.assert_allclose(ours.posterior.samples, traced.posterior.samples, rtol=1e-6)
+    errors = list(ours.identification.standard_errors.values())
+    # Of 500 independent samples or more.
+    np.testing.assert_allclose(ours.posterior.samples.std(axis=0), errors, rtol=0.15)
+
+
 def test_a_simulator_can_be_changed():
     longer = dataclasses.replace(simulator(), predict=by_jax, errors=0.1)
     assert calibrate.run(longer).problem.traced
