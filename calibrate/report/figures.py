@@ -226,6 +226,7 @@ def corner_figure(samples: Posterior) -> Figure:
         labels=list(map(in_figure, samples.names)),
         fig=figure,
         show_titles=True,
+        quiet=True,  # contours that few samples do not tell
         title_fmt=".4g",
         title_kwargs={"fontsize": 8},
     )
