@@ -93,6 +93,7 @@ class FiniteDifferences:
     def linearised(self, logs: ArrayLike, given: Given) -> Any:
         """Jacobian, (M + K, P), and residuals with priors, (M + K,)."""
         logs = np.asarray(logs, float)
+        self.choose_steps(logs, given)  # where it is called first
         value = self.everything(logs, given)
         of_priors = np.zeros((self._held.size, logs.size))
         of_priors[np.arange(self._held.size), self._held] = given.weight
@@ -100,10 +101,12 @@ class FiniteDifferences:
         return np.vstack([self._slopes(logs, given, here, self.steps), of_priors]), value
 
     def choose_steps(self, logs: np.ndarray, given: Given) -> None:
-        """Chooses the steps that are not stated, by slopes at logarithms, (P,)."""
+        """Chooses the steps that are not known, by slopes at logarithms, (P,)."""
         if np.isfinite(self.steps).all():
             return
         here = self._of_measurements(logs, given)
+        if not np.isfinite(here).all():
+            return
         slopes = [self._slopes(logs, given, here, np.full(logs.size, step)) for step in TRIED]
         change = np.array([_size(after - before) for before, after in itertools.pairwise(slopes)])
         # Residuals that are rounded coarsely do not change at all over small steps.

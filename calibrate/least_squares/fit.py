@@ -30,6 +30,7 @@ from calibrate.least_squares.levenberg import Point
 from calibrate.least_squares.optima import Optimum, distinct, optimum
 from calibrate.least_squares.priors import LogNormal
 from calibrate.least_squares.programs import (
+    Programs,
     count_residuals,
     given_with,
     one_by_one,
@@ -169,18 +170,13 @@ def fit(
     refuse_foreign(checkpoint)
     optimizer = optax.with_extra_args_support(optimizer or optax.adam(0.3))
     unknown = unknowns(start, priors or {}, bounds or {})
-    differences = None
-    if differentiable:
-        programs, given = prepared(residuals, unknown, data, robust)
-    else:
-        differences = FiniteDifferences(residuals, unknown, robust, step)
-        programs, given = differences.programs, given_with(unknown, data)
+    differences = None if differentiable else FiniteDifferences(residuals, unknown, robust, step)
+    programs = differences.programs if differences else prepared(residuals, unknown, data, robust)
+    given = given_with(unknown, data)
     further = [unknowns(one, {}, bounds or {}).starts(1, seed) for one in also]
     each = np.vstack([unknown.starts(starts, seed), *further])
     with stoppable(), relaxed_promotion(), progress_bar(progress) as bar:
         count = count_residuals(programs, each[0], given) - len(unknown.with_prior)
-        if differences is not None:
-            differences.choose_steps(each[0], given)
         keeping = _keeping(
             checkpoint,
             start=dict(zip(unknown.names, unknown.values, strict=True)),
@@ -197,14 +193,9 @@ def fit(
             residuals_at_the_start=lambda: programs.linearised(each[0], given)[1],
         )
         jacobian = recalled(keeping("jacobian", programs.linearised), RECALLED * len(each))
-        asked = programs._replace(
-            everything=keeping("residuals", programs.everything), linearised=jacobian
-        )
-        # By name, the data would be another call to JAX, and compiled again.
-        linear = one_by_one(lambda logs: asked.linearised(logs, given))
-        if starts > 1 and differentiable:
-            many = over_starts(lambda logs: programs.linearised(logs, given), len(each))
-            linear = keeping("jacobians", many)
+        asked = Programs(programs.traceable, keeping("residuals", programs.everything), jacobian)
+        together = len(each) if starts > 1 and differentiable else 1
+        linear = _linear(programs, asked, given, together, keeping)
         evaluator = Evaluator(asked, given, unknown.box, bar)
         searched = search(programs, evaluator, each, linear, optimizer, search_steps)
         end = _end(evaluator, _with_what_was_left(evaluator, searched), each[0], finish_steps)
@@ -216,7 +207,26 @@ def fit(
         everything=programs.traceable,
         linearised=asked.linearised,
         given=given,
-        slopes=None if differences is None else differences.slopes_at(end.best.logs, given),
+        slopes=differences.slopes_at(end.best.logs, given) if differences else None,
+    )
+
+
+def _linear(
+    programs: Programs, asked: Programs, given: Any, together: int, keeping: Callable
+) -> Callable:
+    """Jacobians and residuals of all searches, at logarithms, (S, P).
+
+    Args:
+      programs: those of the fit.
+      asked: the same, which keep what they gave.
+      given: beside the logarithms; by name, data would be another call to JAX, and compiled again.
+      together: searches side by side, by one program; 1 for one after another.
+      keeping: stores the results of a program under a label.
+    """
+    if together == 1:
+        return one_by_one(lambda logs: asked.linearised(logs, given))
+    return keeping(
+        "jacobians", over_starts(lambda logs: programs.linearised(logs, given), together)
     )
 
 

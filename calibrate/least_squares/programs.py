@@ -80,16 +80,15 @@ def compiled(
 
 def prepared(
     residuals: Callable[..., Array], unknown: Unknowns, data: Any, robust: float | None
-) -> tuple[Programs, Given]:
-    """The programs of a fit, and what they are given beside the logarithms.
+) -> Programs:
+    """The programs of a fit.
 
     Args:
       residuals, data, robust: as for `fit`.
       unknown: what is fitted.
     """
     held, without_data = unknown.with_prior, data is None
-    programs = compiled(residuals, unknown.structure, unknown.shapes, held, robust, without_data)
-    return programs, given_with(unknown, data)
+    return compiled(residuals, unknown.structure, unknown.shapes, held, robust, without_data)
 
 
 def given_with(unknown: Unknowns, data: Any) -> Given:

@@ -9,7 +9,13 @@ from calibrate.least_squares.evaluator import half_square
 from calibrate.least_squares.interruptible import stoppable
 from calibrate.least_squares.levenberg import Point, minimise
 from calibrate.least_squares.optima import Optimum, distinct, optimum
-from calibrate.least_squares.programs import AT_ONCE, count_residuals, over_starts, prepared
+from calibrate.least_squares.programs import (
+    AT_ONCE,
+    count_residuals,
+    given_with,
+    over_starts,
+    prepared,
+)
 from calibrate.least_squares.unknowns import Unknowns
 from mrjax.core.promotion import relaxed_promotion
 
@@ -38,7 +44,8 @@ def scout(
     Returns:
       the optima, best first, none of them finished; none where nothing can be predicted.
     """
-    programs, given = prepared(residuals, unknown, None, robust)
+    programs = prepared(residuals, unknown, None, robust)
+    given = given_with(unknown, None)
     with stoppable(), relaxed_promotion():
         count = count_residuals(programs, places[0], given) - len(unknown.with_prior)
         at = _together(lambda logs: programs.linearised(logs, given))

@@ -56,7 +56,8 @@ class Problem:
 
         Args:
           experiment: samples and parameters.
-          model: the name of a forward model, or a function like those of `calibrate.models`.
+          model: the name of a forward model, or a function like
+            `calibrate.models.column.column`.
           seed: of the random starts of particles.
           near: values, by variable, near which it will be asked; left out, the starts.
           checkpoint: folder that keeps beds as they are simulated, as for `mrjax.settle`.
