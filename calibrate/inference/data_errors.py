@@ -21,14 +21,16 @@ from mrjax.core.promotion import relaxed_promotion
 
 NEAR = 0.03
 """Of the root of the rise to one, at which the end of an interval is read off."""
-MOST_POINTS = 12
+MOST_POINTS = 25
 """At which the rise is looked at, to either side."""
 MOST_STEPS = 30
 """Of everything else, at each of them: too few would make the rise too great."""
 AT_BOUND = 1e-9
 """Distance of a logarithm to its bound."""
 FARTHER = 2.0
-"""How many times farther the next point may be."""
+"""How many times longer the next step may be."""
+TOO_FAR, TOO_LONG = 3.0, 0.3
+"""Root of a rise from which a step was too long, and what is left of it."""
 
 
 class Valley(NamedTuple):
@@ -92,12 +94,13 @@ def _end(fit: Fit, best: Valley, direction: np.ndarray, way: float, level: float
     """
     free, box = _others(fit, direction)
     farthest = min(UNKNOWN, _room(fit, best.logs, way * direction))
-    inner, outer = (0.0, 0.0), (np.inf, np.inf)  # distances, and roots of the rises there
-    last = best.logs
+    inner, last = (0.0, 0.0), best.logs  # distance, root of the rise there, and the valley
     along, first = _straight(fit, last, direction)
-    at = min(first * level**0.5, farthest)
+    step = first * level**0.5
     for _ in range(MOST_POINTS):
-        held = fit.box.clip(last + way * (at - inner[0]) * along)
+        at = min(inner[0] + step, farthest)
+        step = at - inner[0]
+        held = fit.box.clip(last + way * step * along)
         if box is not None:  # one value is held, to the last digit
             place = int(np.argmax(np.abs(direction)))
             held[place] = best.logs[place] + way * at * direction[place]
@@ -107,13 +110,16 @@ def _end(fit: Fit, best: Valley, direction: np.ndarray, way: float, level: float
             return at / root if _within(fit, there.logs, direction) else np.inf
         if root < 1.0:
             if at >= farthest:
-                return np.inf
+                break
             inner, last = (at, root), there.logs
             along, _ = _straight(fit, last, direction)
+            step = min(FARTHER * step, at * (1.0 / max(root, 1e-9) - 1.0))
         else:
-            outer = at, root
-        at = _next(inner, outer, farthest)
-    return outer[0]
+            if step < NEAR * at:
+                return at  # a wall
+            # What rises so much may be no valley: a step that was too long left it.
+            step *= (1.0 - inner[1]) / (root - inner[1]) if root < TOO_FAR else TOO_LONG
+    return np.inf
 
 
 def _within(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> bool:
@@ -121,16 +127,6 @@ def _within(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> bool:
     lower, upper = (np.broadcast_to(end, logs.shape) for end in fit.box)
     follows = np.abs(direction) < 1.0 - RANK_TOLERANCE
     return bool((np.minimum(logs - lower, upper - logs)[follows] > AT_BOUND).all())
-
-
-def _next(inner: tuple[float, float], outer: tuple[float, float], farthest: float) -> float:
-    """The distance to look at next, between the last that is too near and one too far."""
-    if not np.isfinite(outer[0]):
-        return min(inner[0] * min(FARTHER, 1.0 / max(inner[1], 1e-9)), farthest)
-    if not np.isfinite(outer[1]):
-        return 0.5 * (inner[0] + outer[0])
-    share = (1.0 - inner[1]) / (outer[1] - inner[1])
-    return inner[0] + min(max(share, 0.1), 0.9) * (outer[0] - inner[0])
 
 
 def _others(fit: Fit, direction: np.ndarray) -> tuple[np.ndarray, Bounds | None]:

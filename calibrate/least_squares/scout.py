@@ -1,6 +1,7 @@
 """All optima of a model that costs next to nothing: from many places, side by side."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from jax import Array
@@ -33,19 +34,20 @@ def scout(
     unknown: Unknowns,
     places: np.ndarray,
     robust: float | None = None,
+    data: Any = None,
 ) -> list[Optimum]:
     """The different optima that are found from the first places and the best of all.
 
     Args:
-      residuals, robust: as for `fit`.
+      residuals, robust, data: as for `fit`.
       unknown: what is fitted.
       places: logarithms, (S, P).
 
     Returns:
       the optima, best first, none of them finished; none where nothing can be predicted.
     """
-    programs = prepared(residuals, unknown, None, robust)
-    given = given_with(unknown, None)
+    programs = prepared(residuals, unknown, data, robust)
+    given = given_with(unknown, data)
     with stoppable(), relaxed_promotion():
         count = count_residuals(programs, places[0], given) - len(unknown.with_prior)
         at = _together(lambda logs: programs.linearised(logs, given))

@@ -1,9 +1,11 @@
 """Where the fit of an experiment begins: the optima of a model that costs next to nothing."""
 
 from collections import OrderedDict
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
+from jax import Array
 
 from calibrate.experiment.experiment import Experiment
 from calibrate.least_squares.optima import Optimum
@@ -56,10 +58,29 @@ def beginnings(
         cheap = None
     models = Problem.prepare(experiment, cheap, seed).models if cheap else ()
     problem = Problem(experiment, models, experiment.start, everywhere=True)
+    return begin(problem, problem.residuals, seed, robust, finished=cheap is make)
+
+
+def begin(
+    problem: Problem,
+    residuals: Callable[..., Array],
+    seed: int,
+    robust: float | None = None,
+    data: Any = None,
+    finished: bool = False,
+) -> Beginnings:
+    """The optima of a problem that costs next to nothing, or its start where it has no models.
+
+    Args:
+      problem: the experiment, with cheap models.
+      residuals, data, robust: as for `fit`.
+      seed: of the places from which optima are looked for.
+      finished: whether those are the models of the fit.
+    """
     unknown = unknowns(problem.start, problem.priors, problem.bounds)
-    places = unknown.starts(1 + DRAWN if models else 1, seed)
-    places = with_initial_slopes(experiment, unknown, places)
-    found = scout(problem.residuals, unknown, places, robust) if models else []
+    places = unknown.starts(1 + DRAWN if problem.models else 1, seed)
+    places = with_initial_slopes(problem.experiment, unknown, places)
+    found = scout(residuals, unknown, places, robust, data) if problem.models else []
 
     def theta(values: np.ndarray) -> Theta:
         return OrderedDict(zip(unknown.names, map(float, values), strict=True))
@@ -68,7 +89,7 @@ def beginnings(
         return Beginnings([theta(np.exp(places[0]))], [], 0)
     limit = TIMES_WORSE * found[0].loss + WORSE
     promising = [one for one in found[:MOST] if one.loss <= limit]
-    others = [one._replace(finished=cheap is make) for one in found[len(promising) :]]
+    others = [one._replace(finished=finished) for one in found[len(promising) :]]
     return Beginnings([theta(one.values) for one in promising], others, len(places))
 
 

@@ -1,0 +1,1 @@
+"""What fits call determined, against dense grids and many starts: synthetic problems."""
