@@ -14,12 +14,13 @@ from typing import NamedTuple
 from calibrate.experiment.readings import columns, decimals, rows
 from calibrate.experiment.readings.columns import Layout
 from calibrate.experiment.readings.points import Points, points
-from calibrate.experiment.readings.scatter import scatter
+from calibrate.experiment.readings.scatter import of_repeats, scatter
 from calibrate.experiment.readings.sheet import CurveSheet as CurveSheet
 from calibrate.experiment.readings.table import Table, only_table
 from calibrate.experiment.readings.times import Times, times
 from calibrate.experiment.readings.understood import Understood
 from calibrate.experiment.readings.values import Tube, Values, values
+from calibrate.experiment.sample import FEWEST_REPEATS, Scatter
 from calibrate.experiment.units import TIME_UNITS
 from mrjax import InputError
 from mrjax.core.errors import shown
@@ -45,6 +46,8 @@ class Curve(NamedTuple):
     """Numbers of the rows in the file, (T,)."""
     understood: Understood
     """Record of how the file was read."""
+    scatter: Scatter | None
+    """Scatter to begin with, or that of repeats; None where errors are stated."""
 
 
 def read(
@@ -83,7 +86,8 @@ def read(
     readings = values(written.points, layout, sheet, Tube(height, tube_diameter), mark)
     if min(when.seconds) == max(when.seconds):
         raise InputError(f"{table.path}: has readings at one time alone; give a second time")
-    readings, errors = _with_errors(readings, when, height, table)
+    readings, estimated = _with_errors(readings, when, height, table)
+    errors = "estimated" if estimated else "stated"
     order = sorted(range(len(readings.values)), key=lambda place: when.seconds[place])
     when = when._replace(seconds=[when.seconds[place] for place in order])
     readings = readings._replace(
@@ -100,15 +104,16 @@ def read(
         readings.si,
         [written.points[place].row.number for place in order],
         understood,
+        estimated,
     )
 
 
 def _with_errors(
     readings: Values, when: Times, height: float | None, table: Table
-) -> tuple[Values, str]:
-    """Readings with errors, and whether these are stated or estimated."""
+) -> tuple[Values, Scatter | None]:
+    """Readings with errors, and the scatter that these are of; None where they are stated."""
     if not any(map(math.isnan, readings.errors)):
-        return readings, "stated"
+        return readings, None
     whole = 1.0 if readings.observable == "sedimentation_ratio" else height or 0.0
     top = whole / readings.si
     if not top:
@@ -117,8 +122,12 @@ def _with_errors(
             "column of it"
         )
     ordered = sorted(zip(when.seconds, readings.values, strict=True))
-    error = scatter([time for time, _ in ordered], [value for _, value in ordered], top)
-    return readings._replace(errors=[error] * len(readings.values)), "estimated"
+    times, values = [time for time, _ in ordered], [value for _, value in ordered]
+    error, freedom = of_repeats(times, values, top)
+    estimated = Scatter(error, freedom, "repeats")
+    if freedom < FEWEST_REPEATS:
+        estimated = Scatter(scatter(times, values, top), 0.0, "assumed")
+    return readings._replace(errors=[estimated.value] * len(readings.values)), estimated
 
 
 def _understood(

@@ -104,9 +104,10 @@ class Experiment:
 
     @property
     def scatter_freedom(self) -> float:
-        """Least degrees of freedom of an estimated scatter of velocities; infinite without one."""
-        scatters = [one.scatter for one in self.samples if one.scatter is not None]
-        return min((one.degrees_of_freedom or math.inf for one in scatters), default=math.inf)
+        """Least degrees of freedom of an estimated scatter; infinite without one."""
+        every = (one for sample in self.samples for one in (sample.scatter, sample.curve_scatter))
+        freedoms = [one.degrees_of_freedom or math.inf for one in every if one is not None]
+        return min(freedoms, default=math.inf)
 
     @property
     def medians(self) -> OrderedDict[str, float]:

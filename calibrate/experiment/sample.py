@@ -8,6 +8,9 @@ from calibrate.experiment.readings.understood import Understood
 from calibrate.experiment.readings.velocity_understood import VelocitiesUnderstood
 from mrjax import Recipe
 
+FEWEST_REPEATS = 3
+"""Degrees of freedom of repeats from which on they give the scatter, and not the fit."""
+
 
 class Concentration(NamedTuple):
     """The concentration at which a velocity was measured."""
@@ -28,14 +31,15 @@ class Concentration(NamedTuple):
 
 
 class Scatter(NamedTuple):
-    """The relative scatter of the velocities of a table that states no errors."""
+    """The scatter of the readings of a file that states no errors."""
 
     value: float
-    """Standard deviation of a reading over its predicted value."""
+    """Standard deviation of a reading: of a curve in its unit, of a velocity over its predicted
+    value."""
     degrees_of_freedom: float
     """Readings less what was fitted to them; 0 where nothing is left to tell it."""
     source: Literal["fit", "repeats", "assumed"]
-    """Residuals of the fit, repeats at one concentration, or neither."""
+    """Residuals of the fit, repeats at one time or concentration, or neither."""
 
     @property
     def standard_error(self) -> float:
@@ -94,7 +98,9 @@ class Sample:
     velocities: VelocitiesUnderstood | None = None
     """Record of how the file of its velocities was read."""
     scatter: Scatter | None = None
-    """Scatter of those velocities where no error is stated."""
+    """Relative scatter of those velocities where no error is stated."""
+    curve_scatter: Scatter | None = None
+    """Scatter of the curve where no error is stated, in its unit."""
 
     @property
     def readings_of_curve(self) -> tuple[Measurement, ...]:
@@ -108,5 +114,6 @@ class Sample:
 
     @property
     def scatter_to_fit(self) -> bool:
-        """True if the scatter of its velocities is estimated with the fit."""
-        return self.scatter is not None and self.scatter.source != "repeats"
+        """True if the scatter of its velocities or of its curve is estimated with the fit."""
+        scatters = (self.scatter, self.curve_scatter)
+        return any(one is not None and one.source != "repeats" for one in scatters)

@@ -37,7 +37,7 @@ def read_sample(
     recipe = _recipe(sheet, folder, source, recipes)
     measurements = _readings_at_one_time(sheet)
     times: tuple[float, ...] = ()
-    understood = None
+    understood, curve_scatter = None, None
     if sheet.curve:
         if sheet.height is None:
             raise InputError(
@@ -53,7 +53,7 @@ def read_sample(
                 read.times, read.values, read.errors, read.rows, strict=True
             )
         ]
-        understood = read.understood
+        understood, curve_scatter = read.understood, read.scatter
     table = _velocities(sheet, folder, source, recipe)
     measurements += table.measurements if table else []
     if ratio := sheet.viscosity_ratio:
@@ -71,6 +71,7 @@ def read_sample(
         table.fractions if table else (),
         table.understood if table else None,
         table.scatter if table else None,
+        curve_scatter,
     )
 
 

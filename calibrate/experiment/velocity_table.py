@@ -9,15 +9,13 @@ from calibrate.experiment.readings import concentrations, velocities
 from calibrate.experiment.readings.sheet import VelocitiesSheet
 from calibrate.experiment.readings.velocities import Velocity
 from calibrate.experiment.readings.velocity_understood import VelocitiesUnderstood
-from calibrate.experiment.sample import Concentration, Measurement, Scatter
+from calibrate.experiment.sample import FEWEST_REPEATS, Concentration, Measurement, Scatter
 from mrjax import InputError, Recipe
 
 BEFORE_THE_FIT = 0.1
 """Relative scatter with which a fit begins that estimates it, and ends where nothing tells it."""
 LEAST_SCATTER = 1e-3
 """Relative scatter below which no velocity was ever read."""
-FEWEST_REPEATS = 3
-"""Degrees of freedom of repeats from which on they give the scatter, and not the fit."""
 
 
 class VelocityTable(NamedTuple):

@@ -1,9 +1,10 @@
-"""The relative scatter of velocities without a stated error, estimated with the fit.
+"""The scatter of readings without a stated error, estimated with the fit.
 
-The standard deviation of a velocity is its scatter s times its predicted value p, where the fit
-ended before. The residuals r = (m - p) / p then give s^2 = sum r^2 / nu. Of nu degrees of freedom
-each reading has one less its leverage, the share of a fitted value that is taken from it; so that
-other measurements and priors count. The fit is repeated with the new errors until they stay.
+The standard deviation of a height is its scatter s, that of a velocity s times its predicted value
+p, where the fit ended before. The residuals r = m - p, or (m - p) / p, then give s^2 = sum r^2 /
+nu. Of nu degrees of freedom each reading has one less its leverage, the share of a fitted value
+that is taken from it; so that other measurements and priors count. The fit is repeated with the new
+errors until they stay.
 """
 
 from collections.abc import Callable
@@ -13,8 +14,8 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from calibrate.experiment.experiment import Experiment
-from calibrate.experiment.readings.scatter import MEDIAN_OF_NORMAL
-from calibrate.experiment.sample import Sample, Scatter
+from calibrate.experiment.readings.scatter import LEAST, MEDIAN_OF_NORMAL
+from calibrate.experiment.sample import Measurement, Sample, Scatter
 from calibrate.experiment.velocity_table import BEFORE_THE_FIT, LEAST_SCATTER
 from calibrate.least_squares.fit import Fit
 from calibrate.least_squares.leverage import leverages
@@ -69,15 +70,18 @@ def _settled(before: WithErrors, after: WithErrors) -> bool:
     return bool(np.all(np.abs(after.errors / before.errors - 1.0) < SETTLED))
 
 
-def with_scatter_of_velocities(problem: Problem, fit: Fit) -> Problem:
-    """The problem with the scatter of its velocities that the residuals of a fit give."""
+def with_scatter(problem: Problem, fit: Fit) -> Problem:
+    """The problem with the scatter that the residuals of a fit give."""
     return replace(problem, experiment=_estimated(problem, fit))
 
 
-def with_freedom_of_velocities(problem: Problem, estimated: Problem) -> Problem:
+def with_freedom(problem: Problem, estimated: Problem) -> Problem:
     """The problem of the fit, with the degrees of freedom of its scatter, which the end tells."""
     pairs = zip(problem.experiment.samples, estimated.experiment.samples, strict=True)
-    samples = tuple(replace(one, scatter=other.scatter) for one, other in pairs)
+    samples = tuple(
+        replace(one, scatter=other.scatter, curve_scatter=other.curve_scatter)
+        for one, other in pairs
+    )
     return replace(problem, experiment=replace(problem.experiment, samples=samples))
 
 
@@ -91,8 +95,9 @@ def _estimated(problem: Problem, fit: Fit) -> Experiment:
     for sample in problem.experiment.samples:
         place = slice(first, first + len(sample.measurements))
         first = place.stop
-        relative = residuals[place] / predicted[place]
-        samples.append(_with_scatter(sample, relative, predicted[place], freedom[place], robust))
+        of_sample = residuals[place], predicted[place], freedom[place], robust
+        sample = _with_scatter_of_velocities(sample, *of_sample)
+        samples.append(_with_scatter_of_curve(sample, *of_sample))
     return replace(problem.experiment, samples=tuple(samples))
 
 
@@ -103,9 +108,11 @@ def places_of_scatter(problem: Problem, fit: Fit) -> list[np.ndarray]:
     """
     experiment, first, groups = problem.experiment, 0, []
     for sample in experiment.samples:
-        tabled = [one.concentration is not None for one in sample.measurements]
-        groups.append((first + np.flatnonzero(tabled), sample.scatter))
-        first += len(tabled)
+        groups += [
+            (first + np.flatnonzero(_of_table(sample)), sample.scatter),
+            (first + np.flatnonzero(_of_curve(sample)), sample.curve_scatter),
+        ]
+        first += len(sample.measurements)
     if isinstance(scatter := getattr(experiment, "scatter", None), Scatter):  # of a simulator
         groups.append((np.arange(fit.residuals.size), scatter))
     return [
@@ -126,32 +133,68 @@ def uncapped(fit: Fit) -> np.ndarray:
     return np.asarray(np.sign(fit.residuals) * fit.robust * np.sqrt((1.0 + half) ** 2 - 1.0))
 
 
-def _with_scatter(
-    sample: Sample, relative: np.ndarray, predicted: np.ndarray, freedom: np.ndarray, robust: bool
+def _of_table(sample: Sample) -> np.ndarray:
+    """True for velocities of a table, (M,)."""
+    return np.array([one.concentration is not None for one in sample.measurements], bool)
+
+
+def _of_curve(sample: Sample) -> np.ndarray:
+    """True for readings of a curve, (M,)."""
+    return np.array([one.place is not None for one in sample.measurements], bool)
+
+
+def _with_scatter_of_velocities(
+    sample: Sample, residuals: np.ndarray, predicted: np.ndarray, freedom: np.ndarray, robust: bool
 ) -> Sample:
-    """A sample with the scatter of its velocities, where it is to be fitted.
+    """A sample with the relative scatter of its velocities, where it is to be fitted.
 
     Args:
       sample: of M measurements.
-      relative: residuals over predictions, (M,).
-      predicted: each in its unit, (M,).
+      residuals, predicted: each in its unit, (M,).
       freedom: degrees of freedom of each, (M,).
       robust: whether outliers are to count less: the median is taken and not the mean square.
     """
-    if not sample.scatter_to_fit:
+    if sample.scatter is None or sample.scatter.source == "repeats":
         return sample
-    of_table = np.array([one.concentration is not None for one in sample.measurements])
-    free = float(freedom[of_table].sum())
-    scatter = Scatter(BEFORE_THE_FIT, 0.0, "assumed")
-    if free >= FEWEST_FREE - 1e-9:
-        scatter = Scatter(
-            max(scale_of(relative[of_table], free, robust), LEAST_SCATTER), free, "fit"
-        )
-    measurements = tuple(
-        one._replace(standard_deviation=scatter.value * abs(float(value))) if tabled else one
-        for one, value, tabled in zip(sample.measurements, predicted, of_table, strict=True)
+    tabled = _of_table(sample)
+    relative = residuals[tabled] / predicted[tabled]
+    assumed = Scatter(BEFORE_THE_FIT, 0.0, "assumed")
+    scatter = _estimate(relative, float(freedom[tabled].sum()), robust, LEAST_SCATTER, assumed)
+    errors = scatter.value * np.abs(predicted)
+    return replace(sample, measurements=_with_errors(sample, tabled, errors), scatter=scatter)
+
+
+def _with_scatter_of_curve(
+    sample: Sample, residuals: np.ndarray, predicted: np.ndarray, freedom: np.ndarray, robust: bool
+) -> Sample:
+    """A sample with the scatter of its curve, where it is to be fitted; as for velocities."""
+    if sample.curve_scatter is None or sample.curve_scatter.source == "repeats":
+        return sample
+    read, one = _of_curve(sample), sample.readings_of_curve[0]
+    whole = 1.0 if one.observable == "sedimentation_ratio" else sample.height
+    least, free = LEAST * whole / one.si, float(freedom[read].sum())
+    assumed = sample.curve_scatter._replace(degrees_of_freedom=0.0, source="assumed")
+    scatter = _estimate(residuals[read], free, robust, least, assumed)
+    errors = np.full(predicted.shape, scatter.value)
+    return replace(sample, measurements=_with_errors(sample, read, errors), curve_scatter=scatter)
+
+
+def _estimate(
+    residuals: np.ndarray, freedom: float, robust: bool, least: float, assumed: Scatter
+) -> Scatter:
+    """The scatter of residuals; the assumed one where too few are free to tell it."""
+    if freedom < FEWEST_FREE - 1e-9:
+        return assumed
+    return Scatter(max(scale_of(residuals, freedom, robust), least), freedom, "fit")
+
+
+def _with_errors(sample: Sample, chosen: np.ndarray, errors: np.ndarray) -> tuple[Measurement, ...]:
+    """The measurements, (M,), the chosen ones with these errors."""
+    triples = zip(sample.measurements, chosen, errors, strict=True)
+    return tuple(
+        one._replace(standard_deviation=float(error)) if takes else one
+        for one, takes, error in triples
     )
-    return replace(sample, measurements=measurements, scatter=scatter)
 
 
 def scale_of(relative: np.ndarray, freedom: float, robust: bool) -> float:

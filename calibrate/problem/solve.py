@@ -17,8 +17,8 @@ from calibrate.problem.beginnings import Beginnings, beginnings
 from calibrate.problem.problem import Problem
 from calibrate.problem.scatter import (
     fit_with_scatter,
-    with_freedom_of_velocities,
-    with_scatter_of_velocities,
+    with_freedom,
+    with_scatter,
 )
 from mrjax import SimulationError
 from mrjax.io.checkpoint import refuse_foreign
@@ -116,7 +116,7 @@ def _fitted(
     checkpoint: str | Path | None,
     **options: Any,
 ) -> tuple[Problem, Fit]:
-    """The fit of a prepared problem, with the scatter of its velocities where it is to be fitted.
+    """The fit of a prepared problem, with the scatter of its readings where it is to be fitted.
 
     Args:
       problem: where its models are prepared, the search begins.
@@ -137,9 +137,7 @@ def _fitted(
         near, places = found.theta, {}
         return found
 
-    return fit_with_scatter(
-        problem, fit_errors, with_scatter_of_velocities, with_freedom_of_velocities
-    )
+    return fit_with_scatter(problem, fit_errors, with_scatter, with_freedom)
 
 
 calibrated = fit_experiment

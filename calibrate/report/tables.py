@@ -376,18 +376,22 @@ def _where(one: Measurement, time: float | None, unit: str = "s") -> dict[str, A
 
 
 def _scatter(problem: Problem) -> dict[str, dict[str, Any]]:
-    """The relative scatter of velocities without a stated error, by sample; that of a simulator."""
+    """The scatter of readings without a stated error: of velocities, of curves, of a simulator."""
     experiment = problem.experiment
     if isinstance(experiment, SimulatedExperiment):
         if experiment.scatter is None:
             return {}
         unit = {"unit": experiment.simulator.unit}
         return {experiment.name: _table_of_scatter(experiment.scatter) | unit}
-    return {
-        sample.name: _table_of_scatter(sample.scatter)
-        for sample in experiment.samples
-        if sample.scatter is not None
-    }
+    scatters = {}
+    for sample in experiment.samples:
+        if sample.scatter is not None:
+            scatters[sample.name] = _table_of_scatter(sample.scatter)
+        if (of_curve := sample.curve_scatter) is not None:
+            one = sample.readings_of_curve[0]
+            where = {"sample": sample.name, "observable": one.observable, "unit": one.unit}
+            scatters[f"{sample.name}, curve"] = _table_of_scatter(of_curve) | where
+    return scatters
 
 
 def _table_of_scatter(scatter: Scatter) -> dict[str, Any]:

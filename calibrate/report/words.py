@@ -57,7 +57,7 @@ def in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]
     text, code = language
     parameters, combinations = result["parameters"], result["determined_combinations"]
     lines = misfit_in_words(result, language)
-    lines += [_scatter(text(name), one) for name, one in result["scatter"].items()]
+    lines += [_scatter(text(name), one, text) for name, one in result["scatter"].items()]
     lines += [_runs(text, one) for one in result["runs"]]
     lines += [
         f"The {spelled(one['observable'])}{_whose(text, one)} varies as "
@@ -130,17 +130,30 @@ def _optima(result: dict[str, Any], code: Callable[[str], str]) -> Iterator[str]
         )
 
 
-def _scatter(name: str, one: dict[str, Any]) -> str:
+def _absolute_scatter(one: dict[str, Any], text: Callable[[str], str]) -> str:
+    """The sentence about the scatter of a curve, or of the readings of a simulator."""
+    unit = "" if one["unit"] == "1" else f" {one['unit']}"
+    scatter = "The scatter of the readings"
+    if "sample" in one:
+        scatter += f" of the {spelled(one['observable'])} of sample {text(one['sample'])}"
+    if one["source"] == "assumed":
+        return (
+            f"{scatter}, {one['value']:.3g}{unit}, is that about parabolas through their "
+            "neighbours: too few are free to tell it."
+        )
+    whence = "repeats" if one["source"] == "repeats" else "their residuals"
+    value = with_error(one["value"], one["standard_error"])
+    return (
+        f"{scatter}, {value}{unit}, is estimated from {whence}, with "
+        f"{one['degrees_of_freedom']:.3g} degrees of freedom: errors of fitted values follow from "
+        "it, and intervals are those of Student's distribution."
+    )
+
+
+def _scatter(name: str, one: dict[str, Any], text: Callable[[str], str]) -> str:
     """The sentence about the scatter of readings without a stated error."""
     if "unit" in one:
-        unit = "" if one["unit"] == "1" else f" {one['unit']}"
-        value = with_error(one["value"], one["standard_error"])
-        return (
-            f"The scatter of the readings, {value}{unit}, is estimated from their residuals, with "
-            f"{one['degrees_of_freedom']:.3g} degrees of freedom: errors of fitted values follow "
-            "from it, and intervals are those of "
-            "Student's distribution."
-        )
+        return _absolute_scatter(one, text)
     scatter = f"The relative scatter of the velocities of sample {name}"
     value, error = 100.0 * one["value"], 100.0 * one["standard_error"]
     if one["source"] == "assumed":
