@@ -27,6 +27,8 @@ MOST_STEPS = 30
 """Of everything else, at each of them: too few would make the rise too great."""
 AT_BOUND = 1e-9
 """Distance of a logarithm to its bound."""
+ALL_OVER = (-3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 3.0)
+"""Widths of its prior by which a value is moved that the data do not see near the fit."""
 FARTHER = 2.0
 """How many times longer the next step may be."""
 TOO_FAR, TOO_LONG = 3.0, 0.3
@@ -96,6 +98,7 @@ def _end(fit: Fit, best: Valley, direction: np.ndarray, way: float, level: float
     farthest = min(UNKNOWN, _room(fit, best.logs, way * direction))
     inner, last = (0.0, 0.0), best.logs  # distance, root of the rise there, and the valley
     along, first = _straight(fit, last, direction)
+    elsewhere = _elsewhere(fit, best.logs, direction)
     step = first * level**0.5
     for _ in range(MOST_POINTS):
         at = min(inner[0] + step, farthest)
@@ -105,7 +108,11 @@ def _end(fit: Fit, best: Valley, direction: np.ndarray, way: float, level: float
             place = int(np.argmax(np.abs(direction)))
             held[place] = best.logs[place] + way * at * direction[place]
         there = _least(fit, held, free, box)
-        root = max(2.0 * (there.loss - best.loss) / level, 0.0) ** 0.5
+        root = _root(there, best, level)
+        if root > 1.0 - NEAR:  # an end, unless what is not seen near the fit makes up for it
+            moved = (_least(fit, fit.box.clip(held + one), free, box) for one in elsewhere)
+            there = min([there, *moved], key=lambda one: one.loss)
+            root = _root(there, best, level)
         if abs(root - 1.0) < NEAR:
             return at / root if _within(fit, there.logs, direction) else np.inf
         if root < 1.0:
@@ -120,6 +127,25 @@ def _end(fit: Fit, best: Valley, direction: np.ndarray, way: float, level: float
             # What rises so much may be no valley: a step that was too long left it.
             step *= (1.0 - inner[1]) / (root - inner[1]) if root < TOO_FAR else TOO_LONG
     return np.inf
+
+
+def _root(there: Valley, best: Valley, level: float) -> float:
+    """Root of the rise of chi-squared over a level."""
+    return max(2.0 * (there.loss - best.loss) / level, 0.0) ** 0.5
+
+
+def _elsewhere(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> list[np.ndarray]:
+    """Changes of values that the data do not see near the fit, all over their priors, (P,) each.
+
+    A bed that no reading has met makes up for a wrong velocity where it is higher.
+    """
+    jacobian = np.asarray(fit.linearised(logs, fit.given)[0])[: fit.residuals.size]
+    seen = np.linalg.norm(jacobian, axis=0)
+    unseen = (seen < RANK_TOLERANCE * max(seen.max(), 1e-300)) & (np.abs(direction) < 1e-12)
+    believed = fit.prior_precision > 0.0
+    width = np.where(believed, fit.prior_precision, 1.0) ** -0.5
+    ways = np.diag(width)[unseen]
+    return [share * one for one in ways for share in ALL_OVER]
 
 
 def _within(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> bool:

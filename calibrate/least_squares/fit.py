@@ -284,8 +284,8 @@ def _at_the_end(end: _End, unknown: Unknowns, count: int, losses: list[float]) -
     loss, logs, jacobian, value = end.best
     with np.errstate(over="ignore"):
         values = np.exp(logs)
-    # Where no prediction depends on anything, the end is no optimum of the data.
-    informed = bool(np.any(jacobian[:count] != 0.0))
+    # Where no prediction depends on anything, the end is an optimum of priors, if there are any.
+    informed = bool(np.any(jacobian[:count] != 0.0)) or bool((unknown.precision > 0.0).all())
     return {
         "theta": unknown.tree(values),
         "names": unknown.names,

@@ -17,9 +17,10 @@ WIDE = 5.0
 """Half-width of the grid, in standard deviations of the priors."""
 DENSE = {2: 161, 3: 41}
 """Values of each parameter in the grid, by how many there are."""
-DISTANCES = np.array([0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.7, 1.0, 2.0, 4.0])
-"""From the optimum of the data, in standard deviations of the prior, at which a value is held."""
-FINISHED = 3
+DISTANCES = np.array([0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.7, 1.0])
+"""From the optimum of the data, in standard deviations of the prior, at which a value is held; an
+interval that is wider has no end here."""
+FINISHED = 2
 """Best places of the grid, beside a held value, that are finished by scipy."""
 STARTS, FINISHED_STARTS = 200, 12
 """Draws from the priors, which join the grid, and the best of all that are finished."""
