@@ -134,7 +134,7 @@ def _parameters(result: dict[str, Any]) -> str:
                 one["samples"]
                 and f"sample{'s' if len(one['samples']) > 1 else ''} {', '.join(one['samples'])}",
                 fitted_value(one),
-                *(interval(one["profile"], coverage) for coverage in LEVELS),
+                *(interval(one, coverage) for coverage in LEVELS),
                 prior(one),
                 sampled_value(one["posterior"]),
                 determination(one),

@@ -59,12 +59,17 @@ def in_unit(seconds: float, unit: str) -> tuple[float, str]:
     return value, f"{unit}s" if plural else unit
 
 
-def interval(profile: dict[str, list[float]] | None, coverage: str) -> str:
-    """The interval of a profile at a coverage."""
-    if profile is None:
+def interval(one: dict[str, Any], coverage: str) -> str:
+    """The interval of a value's profile at a coverage; how far an end was looked for in vain."""
+    if one["profile"] is None:
         return "unbounded"
-    low, high = profile[coverage]
-    return f"{low:.4g} to {high:.4g}"
+    low, high = one["profile"][coverage]
+    first, last = one["profile_within"]
+    if not (first <= low or high <= last):
+        return f"not bounded within {first:.4g} to {last:.4g}"
+    lower = f"{low:.4g}" if first <= low else f"beyond {first:.4g}"
+    upper = f"{high:.4g}" if high <= last else f"beyond {last:.4g}"
+    return f"{lower} to {upper}"
 
 
 def prior(one: dict[str, Any]) -> str:

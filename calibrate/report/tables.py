@@ -283,6 +283,7 @@ def _parameters(
             "prior_log_standard_deviation": parameter.log_standard_deviation,
             "bounds": parameter.bounds,
             "profile": None,
+            "profile_within": None,
             "posterior": None,
         }
         if parameter.variable in profile_of:
@@ -290,6 +291,8 @@ def _parameters(
                 coverage: [_end_of_interval(parameter, end) for end in ends]
                 for coverage, ends in profile_of[parameter.variable].intervals.items()
             }
+            searched = profile_of[parameter.variable].values[[0, -1]]
+            row["profile_within"] = [float(parameter.value(one)) for one in searched]
         if samples is not None:
             drawn = parameter.value(samples.samples[:, place])
             row["posterior"] = {

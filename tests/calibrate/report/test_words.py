@@ -222,3 +222,18 @@ def test_a_suspension_twice_as_fast_as_its_particles_is_told(drag, told):
     assert bool(told_of) == told
     if told:
         assert "falls 2.04 times faster" in told_of[0] and "= 0.49" in told_of[0]
+
+
+@pytest.mark.parametrize(
+    "ends, words",
+    [
+        ((2.0, 5.0), "2 to 5"),
+        ((0.0, 5.0), "beyond 1 to 5"),
+        ((2.0, np.inf), "2 to beyond 9"),
+        ((0.0, np.inf), "not bounded within 1 to 9"),
+    ],
+)
+def test_an_end_that_was_not_found_is_said_with_the_limits_of_the_search(ends, words):
+    one = {"profile": {"95 %": ends}, "profile_within": [1.0, 9.0]}
+    assert formatting.interval(one, "95 %") == words
+    assert formatting.interval({"profile": None}, "95 %") == "unbounded"
