@@ -89,8 +89,7 @@ class Sample:
     measurements: tuple[Measurement, ...]
     """All that was measured on it."""
     times: tuple[float, ...] = ()
-    """Times at which its curve is predicted, increasing, (T,) in s: those of readings, of which
-    several may be of one time, and others between them."""
+    """Times of its curve, increasing, (T,) in s; several readings may be of one."""
     curve: Understood | None = None
     """Record of how the file of its curve was read."""
     fractions: tuple[float, ...] = ()

@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
-
 from calibrate.experiment import curve, velocity_table
 from calibrate.experiment.sample import Measurement, Sample
 from calibrate.experiment.sheets import SampleSheet
@@ -13,11 +11,6 @@ from calibrate.experiment.velocity_units import velocity_unit
 from mrjax import InputError, Recipe
 from mrjax.core.errors import shown
 from mrjax.io import reading
-
-INTERVALS = 120
-"""Of the time of a curve, at least: no gap between its times is wider."""
-FEWEST_PARTS = 3
-"""Of the time between two readings."""
 
 
 def read_sample(
@@ -45,7 +38,7 @@ def read_sample(
                 "suspension in its tube in m, which a curve needs"
             )
         read = curve.read(sheet.curve, folder, sheet.height, sheet.tube_diameter)
-        times = times_of_curve(read.times)
+        times = tuple(sorted(set(read.times)))
         place_of = {time: place for place, time in enumerate(times)}
         measurements += [
             Measurement(read.observable, value, error, read.unit, read.si, place_of[time], row)
@@ -73,25 +66,6 @@ def read_sample(
         table.scatter if table else None,
         curve_scatter,
     )
-
-
-def times_of_curve(readings: list[float]) -> tuple[float, ...]:
-    """Times of readings and others between them, from 0 on, so that a predicted curve is smooth.
-
-    Args:
-      readings: times of readings, in s, (R,).
-
-    Returns:
-      increasing times in s, those of readings among them.
-    """
-    known = np.unique([0.0, *readings])
-    widest = known[-1] / INTERVALS
-    parts = np.maximum(np.ceil(np.diff(known) / widest), FEWEST_PARTS).astype(int)
-    between = [
-        np.linspace(first, last, number, endpoint=False)
-        for first, last, number in zip(known[:-1], known[1:], parts, strict=True)
-    ]
-    return tuple(map(float, [*np.concatenate(between), known[-1]]))
 
 
 def _velocities(

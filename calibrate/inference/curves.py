@@ -42,7 +42,8 @@ def predicted_curves(problem: Problem, fit: Fit) -> tuple[PredictedCurve, ...]:
     curves = problem.curves
     if not curves:
         return ()
-    predict = jax.jit(lambda logs: problem.predict_curves(_theta(fit, jnp.exp(logs))))
+    times = problem.times_of_curves()
+    predict = jax.jit(lambda logs: problem.predict_curves(_theta(fit, jnp.exp(logs)), times))
 
     def at(logs: np.ndarray) -> np.ndarray:
         return np.concatenate([np.asarray(one) for one in predict(logs)])
@@ -54,13 +55,11 @@ def predicted_curves(problem: Problem, fit: Fit) -> tuple[PredictedCurve, ...]:
         slopes = np.stack([(at(best + one) - at(best - one)) / (2.0 * STEP) for one in steps])
     known, _ = covariance(information(fit))
     errors = np.sqrt(np.maximum(np.einsum("pt,pq,qt->t", slopes, known, slopes), 0.0))
-    ends = np.cumsum([len(sample.times) for sample, _ in curves])[:-1]
-    pieces = zip(curves, np.split(predicted, ends), np.split(errors, ends), strict=True)
+    ends = np.cumsum([len(one) for one in times])[:-1]
+    pieces = zip(curves, times, np.split(predicted, ends), np.split(errors, ends), strict=True)
     return tuple(
-        PredictedCurve(
-            sample.name, one.observable, one.unit, np.asarray(sample.times), values, spread
-        )
-        for (sample, one), values, spread in pieces
+        PredictedCurve(sample.name, one.observable, one.unit, at, values, spread)
+        for (sample, one), at, values, spread in pieces
     )
 
 

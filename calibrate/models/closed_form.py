@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import jax.numpy as jnp
+from jax import Array
 
 import mrjax
 from calibrate.experiment.sample import Sample
@@ -32,9 +33,9 @@ def closed_form(
       InputError: a bed is asked for, and its volume fraction is not known.
     """
     bed = simulated_fraction(sample, near, seed, varied, checkpoint)
-    times = jnp.asarray(sample.times, float)
+    read = jnp.asarray(sample.times, float)
 
-    def predict(suspension: Suspension) -> Prediction:
+    def predict(suspension: Suspension, times: Array = read) -> Prediction:
         velocity = jnp.mean(mrjax.terminal_velocity(suspension.parameters))
         final = final_ratio(suspension, bed)
         ratio = jnp.maximum(1.0 - velocity * times / sample.height, final)

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import jax
 import jax.numpy as jnp
+from jax import Array
 
 import mrjax
 from calibrate.experiment.sample import Sample
@@ -37,7 +38,7 @@ def column(
         not settle at every fraction up to that of the bed.
     """
     bed = simulated_fraction(sample, near, seed, varied, checkpoint)
-    times, height = jnp.asarray(sample.times, float), jnp.asarray(sample.height, float)
+    read, height = jnp.asarray(sample.times, float), jnp.asarray(sample.height, float)
 
     def flux_of(suspension: Suspension) -> kynch.Table:
         densest = jnp.asarray(fraction_of_bed(suspension, bed), float)
@@ -49,7 +50,7 @@ def column(
         column_checks.refuse_not_settling(flux_of(near))
 
     @jax.jit  # one program for calls with plain numbers, too
-    def predict(suspension: Suspension) -> Prediction:
+    def predict(suspension: Suspension, times: Array = read) -> Prediction:
         velocity = jnp.mean(mrjax.terminal_velocity(suspension.parameters))
         final = final_ratio(suspension, bed)
         ratio = jnp.zeros(0)

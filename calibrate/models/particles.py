@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import jax.numpy as jnp
+from jax import Array
 
 import mrjax
 from calibrate.experiment.sample import Sample
@@ -34,7 +35,7 @@ def particles(
     """
     recipe = sample.recipe
     falling = mrjax.terminal_velocity(near.parameters)
-    times = jnp.asarray(sample.times, float)
+    read = jnp.asarray(sample.times, float)
     if sample.times and near.bed_fraction is not None:
         raise InputError(
             f"sample {sample.name!r}: the particles of a curve pack as they will; take {BED} away, "
@@ -51,7 +52,7 @@ def particles(
         whole = to_rest(recipe, near, state, checkpoint)
         ratios = interface.sedimentation_ratio(whole)
 
-    def predict(suspension: Suspension) -> Prediction:
+    def predict(suspension: Suspension, times: Array = read) -> Prediction:
         velocity = jnp.asarray(jnp.nan) if own is None else own(suspension)
         velocities = jnp.stack([one(suspension) for one in diluted]) if diluted else jnp.zeros(0)
         if not simulated:

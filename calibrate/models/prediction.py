@@ -15,8 +15,9 @@ Prediction = dict[str, Array]
 """By observable, in SI units; of a curve, for all of its times. `initial_velocities` are those of a
 table, for all of its concentrations."""
 
-ForwardModel = Callable[[Suspension], Prediction]
-"""From a suspension to what should have been measured on it."""
+ForwardModel = Callable[..., Prediction]
+"""From a suspension to what should have been measured on it. One that takes `times`, (T,) in s, as
+well predicts a curve between its readings."""
 
 ForwardModelMaker = Callable[[Sample, Suspension, int, tuple[str, ...], Path | None], ForwardModel]
 """Prepares a forward model: from a sample, the suspension near which it will be asked, a seed, the

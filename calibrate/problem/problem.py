@@ -22,6 +22,7 @@ from calibrate.models.prediction import (
     as_measured,
     terminal_velocities,
 )
+from calibrate.problem.fine_times import takes_times, times_between
 from mrjax import terminal_velocity
 from mrjax.io.checkpoint import refuse_foreign
 
@@ -145,18 +146,36 @@ class Problem:
         every = ((sample, sample.readings_of_curve) for sample in self.experiment.samples)
         return [(sample, readings[0]) for sample, readings in every if readings]
 
-    def predict_curves(self, theta: dict[str, Array]) -> list[Array]:
-        """Predicted curves, each at the times of its sample and in the unit of its readings, (T,).
+    def predict_curves(self, theta: dict[str, Array], times: Sequence[np.ndarray]) -> list[Array]:
+        """Predicted curves, each at its times, (T,) in s, and in the unit of its readings.
 
         Args:
           theta: by variable.
+          times: those of `times_of_curves`.
         """
-        models = dict(zip((one.name for one in self.experiment.samples), self.models, strict=True))
+        model_of = self._model_of
+        curves = []
+        for (sample, one), at in zip(self.curves, times, strict=True):
+            model, suspension = model_of[sample.name], self.experiment.suspension_of(sample, theta)
+            given = {"times": jnp.asarray(at)} if takes_times(model) else {}
+            curves.append(model(suspension, **given)[one.observable] / one.si)
+        return curves
+
+    def times_of_curves(self) -> list[np.ndarray]:
+        """Times of each curve, between its readings too where its model takes them, (T,) in s."""
+        model_of = self._model_of
         return [
-            models[sample.name](self.experiment.suspension_of(sample, theta))[one.observable]
-            / one.si
-            for sample, one in self.curves
+            times_between(sample.times)
+            if takes_times(model_of[sample.name])
+            else np.asarray(sample.times)
+            for sample, _ in self.curves
         ]
+
+    @property
+    def _model_of(self) -> dict[str, ForwardModel]:
+        """The models, by the names of their samples."""
+        pairs = zip(self.experiment.samples, self.models, strict=True)
+        return {sample.name: model for sample, model in pairs}
 
     @property
     def measured(self) -> np.ndarray:

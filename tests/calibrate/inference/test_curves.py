@@ -9,9 +9,9 @@ import pytest
 from calibrate.experiment.experiment import Experiment
 from calibrate.experiment.free_parameters import FreeParameter
 from calibrate.experiment.sample import Measurement, Sample
-from calibrate.experiment.sample_reading import FEWEST_PARTS, INTERVALS, times_of_curve
 from calibrate.inference.curves import predicted_curves
 from calibrate.least_squares.fit import fit
+from calibrate.problem.fine_times import FEWEST_PARTS, INTERVALS, times_between
 from calibrate.problem.problem import Problem
 
 
@@ -19,7 +19,7 @@ from calibrate.problem.problem import Problem
     "readings", [[60.0], [0.0, 10.0, 3600.0], [5.0, 5.0, 7.0, 1e6], list(np.arange(0, 5e3, 10.0))]
 )
 def test_times_of_a_curve_are_those_of_readings_and_others_between(readings):
-    times = np.array(times_of_curve(readings))
+    times = times_between(readings)
     assert set(readings) <= set(times) and times[0] == 0.0 and times[-1] == max(readings)
     assert (np.diff(times) > 0.0).all()
     assert np.diff(times).max() <= max(readings) / INTERVALS * (1 + 1e-12)
@@ -33,9 +33,9 @@ def falling(case2):
     """A line in mm that falls as fast as f_s lets it, and a velocity; fitted, with priors."""
 
     def model(sample, *_):
-        def predict(suspension):
+        def predict(suspension, times=sample.times):
             speed = 1e-4 / suspension.parameters.f_s
-            mudline = 0.09 - speed * jnp.asarray(sample.times)
+            mudline = 0.09 - speed * jnp.asarray(times)
             return {"initial_velocity": speed * suspension.parameters.f_v, "mudline": mudline}
 
         return predict
@@ -57,7 +57,8 @@ def test_a_curve_has_the_errors_of_the_fit(falling):
     found = fit(falling.residuals, falling.start, priors=falling.priors)
     (curve,) = predicted_curves(falling, found)
     assert (curve.sample, curve.observable, curve.unit) == ("A", "mudline", "mm")
-    fallen = 0.1 * np.linspace(0.0, 100.0, 11) / found.theta["f_s"]
+    assert curve.times.size > INTERVALS and curve.times[-1] == 100.0
+    fallen = 0.1 * curve.times / found.theta["f_s"]
     np.testing.assert_allclose(curve.predicted, 90.0 - fallen, rtol=1e-12)
     shape = found.names.index("f_s")
     covariance = np.linalg.inv(found.jacobian.T @ found.jacobian + np.diag(found.prior_precision))
@@ -80,9 +81,23 @@ def test_a_curve_goes_through_the_predictions_of_its_readings():
     assert len(problem.curves) == len(curves) > 0
     for curve in curves:
         of_sample = [
-            (one.place, value)
+            (sample.times[one.place], value)
             for (sample, one), value in zip(problem.measurements, predicted, strict=True)
             if sample.name == curve.sample and one.place is not None
         ]
-        places, values = zip(*of_sample, strict=True)
-        np.testing.assert_allclose(curve.predicted[list(places)], values, rtol=1e-9)
+        times, values = zip(*of_sample, strict=True)
+        places = np.searchsorted(curve.times, times)
+        np.testing.assert_allclose(curve.predicted[places], values, rtol=1e-9)
+
+
+def test_a_model_that_takes_no_times_has_a_curve_at_its_readings(falling):
+    def model(sample, *_):
+        return lambda suspension: {
+            "initial_velocity": 1e-4 / suspension.parameters.f_s,
+            "mudline": 0.09 - jnp.asarray(sample.times) * 1e-4 / suspension.parameters.f_s,
+        }
+
+    problem = Problem.prepare(falling.experiment, model)
+    found = fit(problem.residuals, problem.start, priors=problem.priors, finish_steps=1)
+    (curve,) = predicted_curves(problem, found)
+    np.testing.assert_array_equal(curve.times, np.linspace(0.0, 100.0, 11))
