@@ -34,7 +34,7 @@ class PriorSheet(Sheet):
     )
     bounds: list[float] | None = Field(default=None, description="[lower, upper], or leave out")
     standard_deviation: float | None = Field(
-        default=None, gt=0, description="of the prior between bounds, above zero"
+        default=None, gt=0, description="that of the prior between bounds, above zero"
     )
 
     @model_validator(mode="after")

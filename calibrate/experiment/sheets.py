@@ -56,10 +56,10 @@ class SampleSheet(Sheet):
     name: Name = Field(description="a name for the sample")
     recipe: FileName = Field(description="a bundled recipe's name, or a path from this file")
     height: float | None = Field(
-        default=None, gt=0, description="of the suspension in its tube in m, above zero"
+        default=None, gt=0, description="that of the suspension in its tube in m, above zero"
     )
     tube_diameter: float | None = Field(
-        default=None, gt=0, description="inside, in m, above zero, for readings in mL"
+        default=None, gt=0, description="that of the inside in m, above zero, for readings in mL"
     )
     bed_fraction: float | Literal["particles"] | None = Field(
         default=None,

@@ -12,9 +12,14 @@ UNKNOWN = 10.0
 """Standard error of a logarithm beyond which nothing is known: a factor of 22,000 either way."""
 
 
-def information(fit: Fit) -> np.ndarray:
-    """Half the curvature of chi-squared, data and priors together, in the logarithms; (P, P)."""
-    return fit.jacobian.T @ fit.jacobian + np.diag(fit.prior_precision)
+def information(fit: Fit, error_scale: float = 1.0) -> np.ndarray:
+    """Half the curvature of chi-squared, data and priors together, in the logarithms; (P, P).
+
+    Args:
+      fit: where it ended.
+      error_scale: how many times as large as stated the errors of the readings are.
+    """
+    return fit.jacobian.T @ fit.jacobian / error_scale**2 + np.diag(fit.prior_precision)
 
 
 def covariance(information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

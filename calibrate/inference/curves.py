@@ -1,5 +1,6 @@
 """Predicted curves at many times, between the readings too, with the errors of the fit."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -12,8 +13,9 @@ from calibrate.least_squares.interruptible import stoppable
 from calibrate.problem.problem import Problem
 from mrjax.core.promotion import relaxed_promotion
 
-STEP = 1e-4
-"""Of central differences in a logarithm: bands of errors are read off a figure."""
+SHARE, SHORTEST, LONGEST = 0.1, 1e-4, 1e-2
+"""Step of central differences in a logarithm: a part of its error, so that steps of the mudline
+from cell to cell, micrometres high, are not taken for slopes; and its ends."""
 
 
 class PredictedCurve(NamedTuple):
@@ -49,11 +51,11 @@ def predicted_curves(problem: Problem, fit: Fit) -> tuple[PredictedCurve, ...]:
         return np.concatenate([np.asarray(one) for one in predict(logs)])
 
     best = np.log(fit.values)
+    known, _ = covariance(information(fit))
+    steps = np.clip(SHARE * np.sqrt(np.diag(known)), SHORTEST, LONGEST)
     with stoppable(), relaxed_promotion():
         predicted = at(best)
-        steps = STEP * np.eye(best.size)
-        slopes = np.stack([(at(best + one) - at(best - one)) / (2.0 * STEP) for one in steps])
-    known, _ = covariance(information(fit))
+        slopes = np.stack([_slope(at, best, step) for step in np.diag(steps)])
     errors = np.sqrt(np.maximum(np.einsum("pt,pq,qt->t", slopes, known, slopes), 0.0))
     ends = np.cumsum([len(one) for one in times])[:-1]
     pieces = zip(curves, times, np.split(predicted, ends), np.split(errors, ends), strict=True)
@@ -61,6 +63,14 @@ def predicted_curves(problem: Problem, fit: Fit) -> tuple[PredictedCurve, ...]:
         PredictedCurve(sample.name, one.observable, one.unit, at, values, spread)
         for (sample, one), at, values, spread in pieces
     )
+
+
+def _slope(
+    at: Callable[[np.ndarray], np.ndarray], best: np.ndarray, step: np.ndarray
+) -> np.ndarray:
+    """Slope along a step, (P,), of one logarithm: central differences of fourth order, (T,)."""
+    near, far = (at(best + n * step) - at(best - n * step) for n in (1.0, 2.0))
+    return (8.0 * near - far) / (12.0 * step.sum())
 
 
 def _theta(fit: Fit, values: jax.Array) -> dict[str, jax.Array]:

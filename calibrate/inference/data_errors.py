@@ -25,6 +25,8 @@ MOST_POINTS = 25
 """At which the rise is looked at, to either side."""
 MOST_STEPS = 30
 """Of everything else, at each of them: too few would make the rise too great."""
+FOLLOWS_FAR = 10.0
+"""How many times farther what ends at its bound has gone where it hardly matters to a value."""
 AT_BOUND = 1e-9
 """Distance of a logarithm to its bound."""
 ALL_OVER = (-3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 3.0)
@@ -114,7 +116,7 @@ def _end(fit: Fit, best: Valley, direction: np.ndarray, way: float, level: float
             there = min([there, *moved], key=lambda one: one.loss)
             root = _root(there, best, level)
         if abs(root - 1.0) < NEAR:
-            return at / root if _within(fit, there.logs, direction) else np.inf
+            return at / root if _by_data(fit, best.logs, there.logs, direction) else np.inf
         if root < 1.0:
             if at >= farthest:
                 break
@@ -148,11 +150,23 @@ def _elsewhere(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> list[np.nda
     return [share * one for one in ways for share in ALL_OVER]
 
 
-def _within(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> bool:
-    """True if the bounds hold nothing that follows: else they and not the data made the rise."""
+def _by_data(fit: Fit, best: np.ndarray, logs: np.ndarray, direction: np.ndarray) -> bool:
+    """True if the data made a rise, and not the bounds of what follows.
+
+    What has gone to its bound, ten times as far as the product that is held, hardly matters
+    to that.
+
+    Args:
+      fit: knows the bounds.
+      best: the optimum of the data, (P,).
+      logs: where chi-squared has risen, (P,).
+      direction: what is held, (P,).
+    """
     lower, upper = (np.broadcast_to(end, logs.shape) for end in fit.box)
     follows = np.abs(direction) < 1.0 - RANK_TOLERANCE
-    return bool((np.minimum(logs - lower, upper - logs)[follows] > AT_BOUND).all())
+    stopped = follows & (np.minimum(logs - lower, upper - logs) <= AT_BOUND)
+    far = FOLLOWS_FAR * abs(float(direction @ (logs - best)))
+    return bool((np.abs(logs - best)[stopped] >= far).all())
 
 
 def _others(fit: Fit, direction: np.ndarray) -> tuple[np.ndarray, Bounds | None]:

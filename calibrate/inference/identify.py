@@ -13,7 +13,7 @@ import numpy as np
 
 from calibrate.inference.curvature import RANK_TOLERANCE, UNKNOWN, standard_errors
 from calibrate.inference.data_errors import data_errors
-from calibrate.inference.products import expression, simplest_basis
+from calibrate.inference.products import expression, simplest_basis, without_negligible
 from calibrate.least_squares.fit import Fit
 
 DETERMINED, INFORMED = 1.0 / 3.0, 2.0
@@ -21,6 +21,8 @@ DETERMINED, INFORMED = 1.0 / 3.0, 2.0
 
 LARGEST_CHI_SQUARED = 4.0
 """Of a degree of freedom, two standard deviations each: beyond it a fit is called a misfit."""
+NOT_EXCLUDED = 3.84
+"""Rise of chi-squared up to which the data exclude no other optimum, in 95 % of cases."""
 WITHOUT_PRIOR = 0.5
 """Largest error of a logarithm by the data alone of what is determined and has no prior."""
 
@@ -54,8 +56,9 @@ class Identification:
     standard_errors: dict[str, float]
     """Standard error of each value, data and prior together; infinite where both are silent."""
     data_standard_errors: dict[str, float]
-    """Standard error of each logarithm by the data alone: half of its 68 % profile interval;
-    infinite where one of its ends is not found."""
+    """Standard error of each logarithm by the data alone: half of its 68 % profile interval, or the
+    distance to another optimum that the data do not exclude, where that is farther; infinite where
+    one end of the interval is not found."""
     status: dict[str, str]
     """Status of each value.
 
@@ -65,6 +68,8 @@ class Identification:
     """
     weak_combinations: tuple[str, ...] = ()
     """Products of powers of which the data say something, and too little to determine them."""
+    near_combinations: tuple[Combination, ...] = ()
+    """Products of powers that the data determine near this fit alone: the valley bends."""
     null_exponents: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     """Exponents of the null directions, (K, P)."""
     error_scale: float = 1.0
@@ -92,16 +97,21 @@ def identify(fit: Fit) -> Identification:
     known = errors < UNKNOWN
     size = values.size
     scale = _error_scale(fit, rank)
-    by_profile = data_errors(fit, np.vstack([np.eye(size), rows[known]]), scale**2)
+    near_by = scale * errors
+    directions = np.vstack([np.eye(size), rows[known]])
+    by_profile = data_errors(fit, directions, scale**2)
+    by_profile = np.maximum(by_profile, _between_optima(fit, directions, scale))
     errors[known] = by_profile[size:]
     limits = np.array([_limit(direction, fit.prior_precision) for direction in rows])
-    seen, unseen = errors <= limits, errors > UNKNOWN
+    seen = errors <= limits
+    near = ~seen & (near_by <= limits)
 
     def combination(exponents: np.ndarray) -> Combination:
-        value = float(np.exp(exponents @ np.log(values)))
+        told = without_negligible(exponents)
+        value = float(np.exp(told @ np.log(values)))
         return Combination(
-            expression(fit.names, exponents),
-            {n: float(e) for n, e in zip(fit.names, exponents, strict=True) if e},
+            expression(fit.names, told),
+            {n: float(e) for n, e in zip(fit.names, told, strict=True) if e},
             value,
             value * float(np.sqrt(exponents @ from_data @ exponents)),
         )
@@ -111,11 +121,13 @@ def identify(fit: Fit) -> Identification:
         name: _status(by_data[name], precision)
         for name, precision in zip(fit.names, fit.prior_precision, strict=True)
     }
-    unseen_directions = simplest_basis(rows[unseen & ~seen])
+    unseen_directions = simplest_basis(rows[~known])
     return Identification(
         singular_values=singular,
         combinations=tuple(combination(row) for row in simplest_basis(rows[seen])),
-        null_directions=tuple(expression(fit.names, row) for row in unseen_directions),
+        null_directions=tuple(
+            expression(fit.names, without_negligible(row)) for row in unseen_directions
+        ),
         null_exponents=unseen_directions,
         determined={name: word == "determined" for name, word in status.items()},
         standard_errors=standard_errors(fit),
@@ -123,8 +135,10 @@ def identify(fit: Fit) -> Identification:
         status=status,
         error_scale=scale,
         weak_combinations=tuple(
-            expression(fit.names, np.round(row, 2)) for row in simplest_basis(rows[~seen & ~unseen])
+            expression(fit.names, np.round(without_negligible(row), 2))
+            for row in simplest_basis(rows[known & ~seen & ~near])
         ),
+        near_combinations=tuple(combination(row) for row in simplest_basis(rows[near])),
     )
 
 
@@ -132,6 +146,18 @@ def _error_scale(fit: Fit, rank: int) -> float:
     """By what errors are too small where the data contradict the model; else 1."""
     reduced = fit.chi_squared / max(1, fit.residuals.size - rank)
     return float(reduced**0.5) if reduced > LARGEST_CHI_SQUARED else 1.0
+
+
+def _between_optima(fit: Fit, directions: np.ndarray, scale: float) -> np.ndarray:
+    """Distances of products, (K,), from the fit to the optima that the data do not exclude."""
+    most = fit.chi_squared + NOT_EXCLUDED * scale**2
+    ways = [
+        np.log(one.values / fit.values)
+        for one in fit.optima[1:]
+        if one.finished and one.chi_squared < most
+    ]
+    apart = np.abs(directions @ np.reshape(ways, (-1, fit.values.size)).T)
+    return np.asarray(apart.max(axis=1, initial=0.0))
 
 
 def _limit(direction: np.ndarray, precision: np.ndarray) -> float:

@@ -12,6 +12,9 @@ SIMPLE = 6
 SIMPLE_WITHIN = 1e-6
 """How close to it: a simulated velocity follows a power law to better than this."""
 
+NEGLIGIBLE = 0.01
+"""Exponent, of the largest of its product, that is next to nothing."""
+
 
 def expression(names: tuple[str, ...], exponents: np.ndarray) -> str:
     """A product of powers in words: `f_w * f_s / f_v`."""
@@ -35,6 +38,11 @@ def _readable(number: float) -> str:
     return str(fraction) if fraction.denominator == 1 else f"({fraction})"
 
 
+def without_negligible(exponents: np.ndarray) -> np.ndarray:
+    """Exponents of a product, (P,), without those that are next to nothing."""
+    return np.where(np.abs(exponents) < NEGLIGIBLE * np.abs(exponents).max(), 0.0, exponents)
+
+
 def simplest_basis(basis: np.ndarray) -> np.ndarray:
     """The same space, in the basis with most zeros and simple numbers (reduced row echelon)."""
     rows = np.array(basis, float)
@@ -42,8 +50,11 @@ def simplest_basis(basis: np.ndarray) -> np.ndarray:
     for column in range(rows.shape[1]):
         if done == len(rows):
             break
-        pivot = done + int(np.argmax(np.abs(rows[done:, column])))
-        if abs(rows[pivot, column]) < RANK_TOLERANCE:
+        size = np.abs(rows[done:])
+        share = size[:, column] / np.maximum(size.max(axis=1), np.finfo(float).tiny)
+        pivot = done + int(np.argmax(size[:, column]))
+        last = rows.shape[1] - column == len(rows) - done  # as many as are to be found
+        if abs(rows[pivot, column]) < RANK_TOLERANCE or (share.max() < NEGLIGIBLE and not last):
             continue
         rows[[done, pivot]] = rows[[pivot, done]]
         rows[done] /= rows[done, column]

@@ -22,6 +22,9 @@ from calibrate.report.words import MARKDOWN, in_words, misfit_in_words
 from mrjax.core.text import in_code, in_markdown
 from mrjax.io import files
 
+SCALED = "error, scaled"
+"""Column of the errors that values have where those of the readings cover the residuals."""
+
 DRAG = (
     " A fitted drag factor is a calibration constant: what the recipe leaves\nout, such as "
     "flocculation or a spread of sizes, is in it."
@@ -87,7 +90,7 @@ def _verdict(result: dict[str, Any]) -> str:
     if result["misfit"]:
         verdict += (
             " **The data do not agree with the model, or with each other, within their errors:** "
-            "check values and units; the errors below do not allow for it."
+            "check values and units; of the errors below, those called scaled alone allow for it."
         )
     if others := len(result["optima"]) - 1:
         verdict += (
@@ -127,17 +130,27 @@ def _predictions(result: dict[str, Any]) -> str:
 def _parameters(result: dict[str, Any]) -> str:
     """The table of fitted values."""
     return _without_samples(
-        ["parameter", "one value for", "fitted", *LEVELS, "prior", "posterior", "determined"],
+        [
+            "parameter",
+            "one value for",
+            "fitted",
+            SCALED,
+            *LEVELS,
+            "prior",
+            "posterior",
+            "determined",
+        ],
         (
             [
                 in_code(label),
                 one["samples"]
                 and f"sample{'s' if len(one['samples']) > 1 else ''} {', '.join(one['samples'])}",
                 fitted_value(one),
+                f"± {one['scaled_standard_error']:.2g}" if result["misfit"] else "",
                 *(interval(one, coverage) for coverage in LEVELS),
                 prior(one),
                 sampled_value(one["posterior"]),
-                determination(one),
+                determination(one, result["misfit"]),
             ]
             for label, one in result["parameters"].items()
         ),
@@ -145,12 +158,12 @@ def _parameters(result: dict[str, Any]) -> str:
 
 
 def _without_samples(header: list[str], rows: Iterable[list[Any]]) -> str:
-    """A table, without the column of samples where there are none."""
+    """A table, without columns of samples and of scaled errors where there are none."""
     listed = list(rows)
     kept = [
         place
         for place, name in enumerate(header)
-        if name not in ("sample", "one value for") or any(row[place] for row in listed)
+        if name not in ("sample", "one value for", SCALED) or any(row[place] for row in listed)
     ]
     return files.markdown_table(
         [header[place] for place in kept], ([row[place] for place in kept] for row in listed)

@@ -81,10 +81,10 @@ def prior(one: dict[str, Any]) -> str:
     return f"{one['prior_median']:g}, {np.exp(spread):.3g}{within}"
 
 
-def determination(one: dict[str, Any]) -> str:
+def determination(one: dict[str, Any], misfit: bool = False) -> str:
     """The column `determined` of a value."""
     if one["determined"]:
-        return "yes"
+        return "if the model is right" if misfit else "yes"
     if one["status"] == "free":
         by_prior = np.isinf(one["data_standard_error"]) and np.isfinite(one["standard_error"])
         return "no, prior only" if by_prior else "no, free"

@@ -14,7 +14,7 @@ from calibrate.inference.advice import advice, stand_out
 from calibrate.inference.curvature import covariance, information
 from calibrate.inference.curves import PredictedCurve
 from calibrate.inference.forecast import Forecast
-from calibrate.inference.identify import Identification
+from calibrate.inference.identify import Combination, Identification
 from calibrate.inference.misfit import Agreement, agreement
 from calibrate.inference.posterior import Posterior
 from calibrate.inference.products import expression
@@ -37,6 +37,8 @@ ONE_PLACE = (
     "--starts 8, or starts=8 in Python"
 )
 
+SURPRISING = 3.0
+"""Standard deviations of its prior beyond which a value is not what was believed."""
 FASTER = 2.0
 """How many times faster than one of its particles alone a suspension may fall as fitted."""
 
@@ -118,26 +120,31 @@ def _what_is_determined(
     """Combinations that the data determine, and values that they leave open."""
     labels = {one.variable: one.label for one in problem.experiment.parameters}
     open_values: dict[str, list[str]] = {key: [] for key in SAID}
-    for name in fit.names:
+    for place, name in enumerate(fit.names):
         if not identification.determined[name]:
-            open_values[_why_open(identification, name)].append(labels[name])
+            open_values[_why_open(identification, name, place)].append(labels[name])
     return {
-        "determined_combinations": [
-            {
-                "expression": one.expression,
-                "value": one.value,
-                "standard_error": one.standard_error,
-                "exponents": one.exponents,
-            }
-            for one in identification.combinations
-        ],
+        "determined_combinations": _combinations(identification.combinations),
+        "near_combinations": _combinations(identification.near_combinations),
         "null_directions": list(identification.null_directions),
         "weak_combinations": list(identification.weak_combinations),
         **open_values,
     }
 
 
-def _why_open(identification: Identification, name: str) -> str:
+def _combinations(combinations: tuple[Combination, ...]) -> list[dict[str, Any]]:
+    return [
+        {
+            "expression": one.expression,
+            "value": one.value,
+            "standard_error": one.standard_error,
+            "exponents": one.exponents,
+        }
+        for one in combinations
+    ]
+
+
+def _why_open(identification: Identification, name: str, place: int) -> str:
     """The key of `SAID` for a value that is not determined."""
     if identification.status[name] == "informed":
         return "informed_by_data"
@@ -146,6 +153,8 @@ def _why_open(identification: Identification, name: str) -> str:
     bounded_by_data = np.isfinite(identification.data_standard_errors[name])
     if identification.status[name] == "free" and bounded_by_data:
         return "loosely_bounded"
+    if not bounded_by_data and not identification.null_exponents[:, place].any():
+        return "bounded_on_one_side"
     return "carried_by_priors_alone"
 
 
@@ -159,9 +168,25 @@ def _warnings(
             for name, numbers in validity_of.items()
             for warning in dimensionless.warnings(numbers)
         ),
+        *_against_priors(problem, fit),
         *_too_fast(problem, fit),
         *_unreliable(problem, fit),
     ]
+
+
+def _against_priors(problem: Problem, fit: Fit) -> Iterator[str]:
+    """Warnings about values far from what was believed of them."""
+    for place, one in enumerate(problem.experiment.parameters):
+        prior = problem.priors.get(one.variable)
+        if prior is None:
+            continue
+        off = np.log(fit.values[place] / prior.median) / prior.log_standard_deviation
+        if abs(off) > SURPRISING:
+            yield (
+                f"{one.label} = {one.value(fit.values[place]):.4g} is {abs(off):.2g} standard "
+                f"deviations of its prior from its median, {one.value(prior.median):.4g}: data and "
+                "prior contradict each other; check units, the model and the prior"
+            )
 
 
 def _too_fast(problem: Problem, fit: Fit) -> Iterator[str]:
@@ -268,6 +293,7 @@ def _parameters(
 ) -> dict[str, dict[str, Any]]:
     """The rows of the fitted values, each in its own unit, by label."""
     profile_of = {parameter.name: parameter for parameter in profiles}
+    scaled = np.sqrt(np.diag(covariance(information(fit, identification.error_scale))[0]))
     table = {}
     for place, parameter in enumerate(problem.experiment.parameters):
         x = fit.values[place]
@@ -275,6 +301,7 @@ def _parameters(
         row = {
             "value": parameter.value(x),
             "standard_error": error * parameter.per_log(x) / x,
+            "scaled_standard_error": scaled[place] * parameter.per_log(x),
             "determined": identification.determined[parameter.variable],
             "status": identification.status[parameter.variable],
             "data_standard_error": identification.data_standard_errors[parameter.variable],

@@ -40,6 +40,11 @@ SAID = {
         "The data narrow what the prior says of {}, and do not determine it.",
         "The data narrow what the priors say of {}, and do not determine them.",
     ),
+    "bounded_on_one_side": (
+        "The data bound {} on one side alone: the other is the prior's, or a bound of physics.",
+        "The data bound each of {} on one side alone: the other is the prior's, or a bound of "
+        "physics.",
+    ),
     "loosely_bounded": (
         "The data bound {} only loosely, and no prior says more: give one, or other readings.",
         "The data bound {} only loosely, and no priors say more: give some, or other readings.",
@@ -65,11 +70,9 @@ def in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]
         for one in result["predictions"]
         if one.get("varies_as", "1") != "1"
     ]
-    lines.append(
-        f"Of the {len(parameters)} fitted values the data determine {len(combinations)} "
-        f"independent combination{'s' if len(combinations) != 1 else ''}"
-        f"{':' if combinations else '.'}"
-    )
+    if result["misfit"]:
+        lines.append(_as_far_as_it_is_right(result))
+    lines.append(_how_many(len(parameters), len(combinations)))
     lines += [
         f"- {code(one['expression'])} = {with_error(one['value'], one['standard_error'])}"
         for one in combinations
@@ -80,8 +83,16 @@ def in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]
         for label, one in parameters.items()
         if one["bounds"]
     ]
+    if near := [one for one in result["near_combinations"] if one["expression"] not in parameters]:
+        lines.append("Near this fit, though not farther away, they determine:")
+        lines += [
+            f"- {code(one['expression'])} = {with_error(one['value'], one['standard_error'])}"
+            for one in near
+        ]
     unchanged = result["unchanged_at_a_distance"]
-    lines += [_null(code(one), one in unchanged) for one in result["null_directions"]]
+    lines += [
+        _null(code(one), one in unchanged, bool(combinations)) for one in result["null_directions"]
+    ]
     lines += [
         f"The data say too little of {code(direction)} to determine it."
         for direction in result["weak_combinations"]
@@ -99,21 +110,45 @@ def in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]
     return [*lines, *_optima(result, code)]
 
 
+def _as_far_as_it_is_right(result: dict[str, Any]) -> str:
+    """The sentence before values of a model that does not fit."""
+    return (
+        "The values below are as good as the model, which does not fit. Their errors are by the "
+        f"{result['errors']} errors of the readings: about {result['error_scale']:.3g} times as "
+        "large where these are made to cover the residuals."
+    )
+
+
+def _how_many(values: int, combinations: int) -> str:
+    """The sentence before the combinations that the data determine."""
+    if values == 1:
+        return (
+            "The data determine the fitted value:"
+            if combinations
+            else ("The data do not determine the fitted value.")
+        )
+    return (
+        f"Of the {values} fitted values the data determine {combinations} independent "
+        f"combination{'s' if combinations != 1 else ''}{':' if combinations else '.'}"
+    )
+
+
 def _less(number: float) -> str:
     """A number that is taken away: `- 0.5`, or `+ 1` for -1."""
     return f"{'+' if number < 0.0 else '-'} {abs(number):g}"
 
 
-def _null(direction: str, unchanged: bool) -> str:
+def _null(direction: str, unchanged: bool, others: bool = True) -> str:
     """The sentence about a product of powers of which no measurement tells."""
+    held = ", with the combinations above held," if others else ""
     if unchanged:
         return (
-            f"No measurement says anything of {direction}: changing it, with the combinations "
-            "above held, changes no prediction, a factor of ten away either."
+            f"No measurement says anything of {direction}: changing it{held} changes no "
+            "prediction, a factor of ten away either."
         )
     return (
-        f"No measurement says anything of {direction} near this fit: changing it there, with the "
-        "combinations above held, changes no prediction; farther away it may."
+        f"No measurement says anything of {direction} near this fit: changing it there{held} "
+        "changes no prediction; farther away it may."
     )
 
 
@@ -122,11 +157,13 @@ def _optima(result: dict[str, Any], code: Callable[[str], str]) -> Iterator[str]
     best, *others = result["optima"] or [None]
     for one in others:
         values = ", ".join(f"{code(name)} = {value:.3g}" for name, value in one["values"].items())
-        as_good = one["half_sum_of_squares"] - best["half_sum_of_squares"] < AS_GOOD
+        rise = one["half_sum_of_squares"] - best["half_sum_of_squares"]
+        as_good = rise < AS_GOOD * (result["error_scale"] ** 2 if result["misfit"] else 1.0)
+        such = "as good, beside such a misfit" if result["misfit"] else "nearly as good"
         yield (
             f"Another optimum: {values}, with chi-squared {one['chi_squared']:.4g} where this fit "
             f"has {result['chi_squared']:.4g}"
-            f"{', nearly as good: data and priors do not tell the two apart' if as_good else ''}."
+            f"{f', {such}: data and priors do not tell the two apart' if as_good else ''}."
         )
 
 

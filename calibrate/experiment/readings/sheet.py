@@ -63,7 +63,7 @@ class CurveSheet(FileSheet):
     )
     unit: Annotated[str, spelled(READINGS)] | None = Field(
         default=None,
-        description=f"of the readings, one of {', '.join(READINGS.units)}",
+        description=f"that of the readings, one of {', '.join(READINGS.units)}",
     )
     date_format: Name | None = Field(default=None, description='such as "%d/%m/%Y %H:%M"')
     start: Name | datetime | date | time | None = Field(
@@ -110,7 +110,7 @@ class VelocitiesSheet(FileSheet):
         default=None, description='"velocity", or "flux" for velocity times volume fraction'
     )
     unit: Annotated[str, OF_VELOCITY] | None = Field(
-        default=None, description=f"of the readings, a length over a time, such as {EXAMPLES}"
+        default=None, description=f"that of the readings, a length over a time, such as {EXAMPLES}"
     )
     standard_deviation: float | None = Field(
         default=None, gt=0, description="the uncertainty of every reading in this unit, above zero"

@@ -63,7 +63,7 @@ def test_a_curve_has_the_errors_of_the_fit(falling):
     shape = found.names.index("f_s")
     covariance = np.linalg.inv(found.jacobian.T @ found.jacobian + np.diag(found.prior_precision))
     error = fallen * covariance[shape, shape] ** 0.5
-    # A step of 1e-4 in the logarithm, squared; rounding of 90 over it.
+    # A step of 1e-2 in the logarithm to the fourth power, and rounding of 90 over it, are less.
     np.testing.assert_allclose(curve.standard_error, error, rtol=1e-7, atol=1e-9)
 
 

@@ -101,3 +101,13 @@ def test_errors_are_scaled_where_the_data_do_not_fit():
     found = calibrate.identify(calibrate.fit(residuals, dict(a=1.0)))
     assert found.error_scale == near((100.0 / 3.0) ** 0.5, rel=1e-9)
     assert found.data_standard_errors["a"] == near(0.05 * found.error_scale, rel=1e-6)
+
+
+def test_a_bound_that_hardly_matters_is_no_end():
+    """a * b^0.05 of which b is between bounds: a is known to a twentieth of how far b may be."""
+
+    def residuals(theta):
+        return (jnp.log(theta["a"]) + 0.05 * jnp.log(theta["b"]))[None] / 0.001
+
+    found = errors_of(residuals, dict(a=1.0, b=1.0), [np.eye(2)[0]], bounds={"b": (1 / 55, 55)})
+    assert found[0] == near(0.05 * np.log(55.0) + 0.001, rel=NEAR)

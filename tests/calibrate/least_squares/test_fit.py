@@ -1,6 +1,7 @@
 """The fit, which knows only a function: optimum, priors, convergence, what the data determine."""
 
 from collections import OrderedDict
+from dataclasses import replace
 from functools import partial
 
 import jax.numpy as jnp
@@ -12,6 +13,7 @@ import calibrate
 import mrjax
 from calibrate import LogNormal
 from calibrate.inference.curvature import covariance, information
+from calibrate.least_squares.optima import Optimum
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 
@@ -294,3 +296,54 @@ def test_the_data_s_own_error_is_judged_beside_the_prior(error, prior, status):
     assert found.data_standard_errors["a"] == near(error, rel=1e-6)
     assert len(found.combinations) == (status == "determined")
     assert found.weak_combinations == (() if status == "determined" else ("a",))
+
+
+@pytest.mark.parametrize(
+    "rise, error, excluded", [(3.0, 0.01, False), (4.5, 0.01, True), (40.0, 0.1, False)]
+)
+def test_an_optimum_that_the_data_do_not_exclude_is_as_far_as_a_value_is_unknown(
+    rise, error, excluded
+):
+    """The other of two, three times as large; also beside readings that contradict each other."""
+    readings = np.array([1.0, -1.0]) * (5.0 if rise > 30 else 0.1)
+
+    def residuals(theta):
+        return jnp.log(theta["a"]) / 0.01 + readings
+
+    fit = calibrate.fit(residuals, {"a": 1.0}, priors={"a": LogNormal(1.0, 3.0)})
+    other = Optimum(3.0 * fit.values, 9.0, fit.chi_squared + rise)
+    for also, far in ((other, not excluded), (other._replace(finished=False), False)):
+        found = calibrate.identify(replace(fit, optima=(*fit.optima, also)))
+        apart = near(np.log(3.0), rel=1e-9)
+        assert (found.data_standard_errors["a"] == apart) == far
+        assert found.determined["a"] != far
+        assert [one.expression for one in found.combinations] == ["a"] * (not far)
+
+
+def test_what_is_determined_near_a_fit_alone_is_told_apart():
+    """a exp(-b) = 1 +- 0.01: a product of powers at the fit, and another elsewhere."""
+
+    def residuals(theta):
+        return (jnp.log(theta["a"]) - 0.2 * theta["b"])[None] / 0.01
+
+    fit = calibrate.fit(residuals, {"a": 1.0, "b": 1.0}, bounds={"b": (1e-6, 1e9)})
+    found = calibrate.identify(fit)
+    assert found.combinations == () and found.weak_combinations == ()
+    (one,) = found.near_combinations
+    ratio = one.exponents["b"] / one.exponents["a"]
+    assert ratio == near(-0.2 * fit.theta["b"], rel=1e-6)
+    assert len(found.null_directions) == 1
+
+
+def test_next_to_nothing_is_left_out_of_a_product():
+    """f^1 g^0.001: the null direction is g, not f to the power of a thousand."""
+
+    def residuals(theta):
+        return (jnp.log(theta["f"]) + 0.001 * jnp.log(theta["g"]))[None] / 0.01
+
+    bounds = {"g": (1e-3, 1e3)}
+    found = calibrate.identify(calibrate.fit(residuals, {"f": 1.5, "g": 1.0}, bounds=bounds))
+    assert found.null_directions == ("g",)
+    (one,) = found.combinations
+    assert (one.expression, one.exponents) == ("f", {"f": 1.0})
+    assert one.value == near(1.0, rel=1e-6)

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from calibrate.experiment.free_parameters import FreeParameter
 from calibrate.report import document, figures, formatting, tables, words
 
 READING = {
@@ -119,6 +120,7 @@ OTHER = OPTIMUM | {"values": {"f_s": 0.2155}, "chi_squared": 409.31, "finished":
 def test_another_optimum_is_told_with_its_chi_squared(loss, as_good):
     others = [OPTIMUM, OTHER | {"half_sum_of_squares": loss}]
     result = {"chi_squared": 105.19, "optima": others, "parameters": {"f_s": {}}}
+    result |= {"misfit": False, "error_scale": 3.6}
     (line,) = words._optima(result, words.TERMINAL.code)
     told = "Another optimum: `f_s` = 0.215, with chi-squared 409.3 where this fit has 105.2"
     assert line.startswith(told)
@@ -237,3 +239,53 @@ def test_an_end_that_was_not_found_is_said_with_the_limits_of_the_search(ends, w
     one = {"profile": {"95 %": ends}, "profile_within": [1.0, 9.0]}
     assert formatting.interval(one, "95 %") == words
     assert formatting.interval({"profile": None}, "95 %") == "unbounded"
+
+
+def test_a_value_far_from_its_prior_is_told():
+    """ln 4 is 2.8 standard deviations of 0.5, ln 5 3.2; odds are told as the value they are of."""
+    parameters = (
+        FreeParameter("f_s", "f_s", ("A",), 1.0, 0.5),
+        FreeParameter("share", "share", ("A",), 0.6, 0.5, (0.5, 0.7)),
+        FreeParameter("f_v", "f_v", ("A",), 1.0, None),
+    )
+    problem = SimpleNamespace(
+        experiment=SimpleNamespace(parameters=parameters),
+        priors={one.variable: one.prior for one in parameters[:2]},
+    )
+    middle = np.log(parameters[1].prior.median)
+    far = SimpleNamespace(values=np.array([5.0, np.exp(middle - 2.0), 1e9]))
+    first, second = tables._against_priors(problem, far)
+    assert first.startswith("f_s = 5 is 3.2 standard deviations of its prior from its median, 1:")
+    assert second.startswith("share = 0.5238 is 4 ") and "median, 0.6:" in second
+    near = SimpleNamespace(values=np.array([4.0, np.exp(middle + 1.0), 1e9]))
+    assert list(tables._against_priors(problem, near)) == []
+
+
+@pytest.mark.parametrize(
+    "null, key", [(0.0, "bounded_on_one_side"), (0.7, "carried_by_priors_alone")]
+)
+def test_what_the_data_bound_on_one_side_is_no_prior_s_alone(null, key):
+    found = SimpleNamespace(
+        status={"a": "prior only"},
+        standard_errors={"a": 0.1},
+        data_standard_errors={"a": np.inf},
+        null_exponents=np.array([[1.0, null]]),
+    )
+    assert tables._why_open(found, "a", 1) == key
+    assert tables._why_open(
+        SimpleNamespace(**vars(found) | {"null_exponents": np.zeros((0, 2))}), "a", 1
+    ) == ("bounded_on_one_side")
+
+
+def test_beside_a_misfit_values_are_as_good_as_the_model():
+    """Errors are as stated and scaled, and an optimum is as good that such a misfit allows."""
+    row = {"determined": True, "status": "determined"}
+    assert formatting.determination(row, misfit=True) == "if the model is right"
+    result = {"misfit": True, "errors": "stated", "error_scale": 3.0}
+    said = words._as_far_as_it_is_right(result)
+    assert "which does not fit" in said and "about 3 times" in said
+    others = [OPTIMUM, OTHER | {"half_sum_of_squares": 52.7 + 1.91 * 9}]
+    (line,) = words._optima(result | {"chi_squared": 105.19, "optima": others}, words.TERMINAL.code)
+    assert "as good, beside such a misfit: data and priors do not tell the two apart" in line
+    assert words._how_many(1, 1) == "The data determine the fitted value:"
+    assert "above held" not in words._null("`a`", unchanged=False, others=False)
