@@ -48,8 +48,8 @@ def refuse_a_file_twice(sheet: ExperimentSheet, folder: Path, source: str) -> No
     """Refuses one file of readings for two samples: they would count twice."""
     sample_of: dict[tuple, str] = {}
     for sample in sheet.sample:
-        for key in ("curve", "velocities"):
-            table = getattr(sample, key)
+        single = [(key, getattr(sample, key)) for key in ("curve", "velocities")]
+        for key, table in [*single, *(("concentration", one) for one in sample.concentration)]:
             if table is None:
                 continue
             columns = table.columns.model_dump_json()

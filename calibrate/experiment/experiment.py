@@ -87,13 +87,19 @@ class Experiment:
 
     @property
     def data_as_understood(self) -> dict[str, FileUnderstood]:
-        """Records of how files were read, by sample; `A, velocities` for the table of sample A."""
+        """Records of how files were read, by sample.
+
+        Those of sample A's tables are `A, velocities` and, for instance,
+        `A, concentration at height 0.05 m`.
+        """
         files: dict[str, FileUnderstood] = {}
         for sample in self.samples:
             if sample.curve is not None:
                 files[sample.name] = sample.curve
             if sample.velocities is not None:
                 files[f"{sample.name}, velocities"] = sample.velocities
+            for table in sample.concentrations:
+                files[f"{sample.name}, {table.name}"] = table.understood
         return files
 
     @property
@@ -105,9 +111,8 @@ class Experiment:
     @property
     def scatter_freedom(self) -> float:
         """Least degrees of freedom of an estimated scatter; infinite without one."""
-        every = (one for sample in self.samples for one in (sample.scatter, sample.curve_scatter))
-        freedoms = [one.degrees_of_freedom or math.inf for one in every if one is not None]
-        return min(freedoms, default=math.inf)
+        scatters = [scatter for one in self.samples for scatter in one.scatters]
+        return min((one.degrees_of_freedom or math.inf for one in scatters), default=math.inf)
 
     @property
     def medians(self) -> OrderedDict[str, float]:

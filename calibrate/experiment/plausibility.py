@@ -14,6 +14,7 @@ from calibrate.experiment.sample import Measurement, Sample
 from calibrate.experiment.suspension import Suspension
 from calibrate.experiment.units import CURVES, TIME_UNITS, VOLUME_UNITS
 from mrjax import InputError, Recipe, terminal_velocity
+from mrjax.recipe.plausibility import RANDOM_CLOSE_PACKING
 
 ERRORS = 3.0
 """Standard deviations by which a reading may be off."""
@@ -21,6 +22,8 @@ SHARE = 0.02
 """Share of the height that is not refused at the start, nor of readings without a stated error."""
 ABSURD = 1e3
 """Factor on the speed that the recipe gives beyond which it is rather another unit."""
+DENSER_THAN_BED = 1.2
+"""Factor on the volume fraction of the bed at rest beyond which a concentration is odd."""
 FASTER_AT_FIRST = 100.0
 """Factor on the speed of a single particle up to which a suspension may fall before its first
 reading."""
@@ -199,6 +202,7 @@ def oddities(samples: Sequence[Sample], suspensions: Iterable[Suspension]) -> It
     """
     for sample, suspension in zip(samples, suspensions, strict=True):
         yield from _absurd_speed(sample, suspension)
+        yield from _denser_than_bed(sample, suspension)
     for number, sample in enumerate(samples):
         for other in samples[:number]:
             if _readings(sample) == _readings(other):
@@ -236,6 +240,25 @@ def _absurd_speed(sample: Sample, suspension: Suspension) -> Iterator[str]:
             f"sample {sample.name!r}: its curve falls {fastest / expected:.2g} times faster than "
             "its recipe does with the medians: check time_unit, unit, viscosity and diameter"
         )
+
+
+def _denser_than_bed(sample: Sample, suspension: Suspension) -> Iterator[str]:
+    """A concentration far above that of the bed at rest; of each table the largest is told."""
+    coated = suspension.bed_fraction
+    bed = RANDOM_CLOSE_PACKING if coated is None else float(np.asarray(coated))
+    bed /= sample.recipe.radius_factor**3
+    for table in sample.concentrations:
+        readings = [
+            one for one in sample.measurements if one.point and one.point.table == table.name
+        ]
+        largest = max(readings, key=lambda one: one.value)
+        if largest.value * largest.si > DENSER_THAN_BED * bed:
+            file = table.understood
+            yield (
+                f"sample {sample.name!r}: {file.file}, {file.row_word} {largest.row}: the volume "
+                f"fraction {largest.value * largest.si:.3g} is far above that of the bed at rest, "
+                f"{bed:.3g}: check concentration, densities and bed_fraction"
+            )
 
 
 def _expected(suspension: Suspension) -> float:

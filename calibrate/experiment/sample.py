@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 from calibrate.experiment.readings import concentrations
+from calibrate.experiment.readings.local_understood import LocalUnderstood
 from calibrate.experiment.readings.understood import Understood
 from calibrate.experiment.readings.velocity_understood import VelocitiesUnderstood
 from mrjax import Recipe
@@ -30,12 +31,31 @@ class Concentration(NamedTuple):
         return concentrations.said(self.kind, self.value)
 
 
+class Point(NamedTuple):
+    """The height and time at which a concentration was measured."""
+
+    height: float
+    """Middle of the layer that it averages over, m from the floor."""
+    time: float
+    """From the start, s."""
+    thickness: float
+    """Thickness of that layer, which ends at the floor and at the top of the suspension; m."""
+    place: int
+    """Place among those of the sample."""
+    table: str
+    """Name of its table."""
+    height_unit: str
+    """Unit in which heights are told."""
+    time_unit: str
+    """Unit in which times are told."""
+
+
 class Scatter(NamedTuple):
     """The scatter of the readings of a file that states no errors."""
 
     value: float
-    """Standard deviation of a reading: of a curve in its unit, of a velocity over its predicted
-    value."""
+    """Standard deviation of a reading: of a curve or a local concentration in its unit, of a
+    velocity over its predicted value."""
     degrees_of_freedom: float
     """Readings less what was fitted to them; 0 where nothing is left to tell it."""
     source: Literal["fit", "repeats", "assumed"]
@@ -53,8 +73,8 @@ class Measurement(NamedTuple):
     """One number with its uncertainty, both in `unit`, which is `si` in SI."""
 
     observable: str
-    """Observable: `initial_velocity`, `final_ratio`, `viscosity_ratio`, or of a curve
-    `mudline` or `sedimentation_ratio`."""
+    """Observable: `initial_velocity`, `final_ratio`, `viscosity_ratio`, of a curve `mudline` or
+    `sedimentation_ratio`, or at a height and time `volume_fraction`."""
     value: float
     """In `unit`."""
     standard_deviation: float
@@ -69,6 +89,20 @@ class Measurement(NamedTuple):
     """Row of its file."""
     concentration: Concentration | None = None
     """Concentration of a velocity of a table; None of what was measured on the sample as it is."""
+    point: Point | None = None
+    """Height and time of a local concentration; None of another measurement."""
+
+
+class LocalTable(NamedTuple):
+    """A table of local concentrations, as its file was read."""
+
+    name: str
+    """Such as `concentration at height 0.05 m`, of one table of its sample."""
+    unit: str
+    """Unit of its volume fractions: `1` or `%`."""
+    understood: LocalUnderstood
+    scatter: Scatter | None
+    """Scatter of its readings in their unit; None where errors are stated."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +134,10 @@ class Sample:
     """Relative scatter of those velocities where no error is stated."""
     curve_scatter: Scatter | None = None
     """Scatter of the curve where no error is stated, in its unit."""
+    points: tuple[Point, ...] = ()
+    """Heights and times at which concentrations were measured, (Q,)."""
+    concentrations: tuple[LocalTable, ...] = ()
+    """Tables of those concentrations."""
 
     @property
     def readings_of_curve(self) -> tuple[Measurement, ...]:
@@ -112,7 +150,12 @@ class Sample:
         return self.curve.time_unit if self.curve else "s"
 
     @property
+    def scatters(self) -> tuple[Scatter, ...]:
+        """The scatter of each file without stated errors."""
+        every = (self.scatter, self.curve_scatter, *(one.scatter for one in self.concentrations))
+        return tuple(one for one in every if one is not None)
+
+    @property
     def scatter_to_fit(self) -> bool:
-        """True if the scatter of its velocities or of its curve is estimated with the fit."""
-        scatters = (self.scatter, self.curve_scatter)
-        return any(one is not None and one.source != "repeats" for one in scatters)
+        """True if the scatter of the readings of a file is estimated with the fit."""
+        return any(one.source != "repeats" for one in self.scatters)

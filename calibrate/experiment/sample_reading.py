@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from calibrate.experiment import curve, velocity_table
-from calibrate.experiment.sample import Measurement, Sample
+from calibrate.experiment import curve, local_table, velocity_table
+from calibrate.experiment.sample import LocalTable, Measurement, Sample
 from calibrate.experiment.sheets import SampleSheet
 from calibrate.experiment.units import RATIO_UNITS
 from calibrate.experiment.velocity_table import VelocityTable
@@ -49,6 +49,8 @@ def read_sample(
         understood, curve_scatter = read.understood, read.scatter
     table = _velocities(sheet, folder, source, recipe)
     measurements += table.measurements if table else []
+    tables, local = _concentrations(sheet, folder, source, recipe)
+    measurements += local
     if ratio := sheet.viscosity_ratio:
         measurements.append(
             Measurement("viscosity_ratio", ratio.value, ratio.standard_deviation, "1", 1.0)
@@ -65,6 +67,8 @@ def read_sample(
         table.understood if table else None,
         table.scatter if table else None,
         curve_scatter,
+        tuple(one.point for one in local if one.point is not None),
+        tuple(tables),
     )
 
 
@@ -76,6 +80,23 @@ def _velocities(
         return None
     try:
         return velocity_table.read(sheet.velocities, folder, recipe)
+    except InputError as error:
+        raise InputError(f"{source}: sample {shown(sheet.name)}: {error}") from None
+
+
+def _concentrations(
+    sheet: SampleSheet, folder: Path, source: str, recipe: Recipe
+) -> tuple[list[LocalTable], list[Measurement]]:
+    """The tables of local concentrations of a sample, and their readings."""
+    if not sheet.concentration:
+        return [], []
+    if sheet.height is None:
+        raise InputError(
+            f"{source}: sample {shown(sheet.name)}: height is missing; give that of the suspension "
+            "in its tube in m, which concentrations at a height need"
+        )
+    try:
+        return local_table.read_all(sheet.concentration, folder, recipe, sheet.height)
     except InputError as error:
         raise InputError(f"{source}: sample {shown(sheet.name)}: {error}") from None
 

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from calibrate.experiment.free_parameters import ParameterSheet
-from calibrate.experiment.readings.sheet import CurveSheet, VelocitiesSheet
+from calibrate.experiment.readings.sheet import CurveSheet, LocalSheet, VelocitiesSheet
 from calibrate.experiment.units import RATIO_UNITS, one_of
 from calibrate.experiment.velocity_units import EXAMPLES, OF_VELOCITY
 from mrjax.core.errors import shown
@@ -77,6 +77,11 @@ class SampleSheet(Sheet):
     velocities: VelocitiesSheet | None = Field(
         default=None, description="a table with file: velocities or fluxes by concentration"
     )
+    concentration: list[LocalSheet] = Field(
+        default=[],
+        max_length=MOST,
+        description="tables with file and height or time: concentrations in the tube",
+    )
     viscosity_ratio: ViscosityRatio | None = Field(
         default=None, description="a table with value and standard_deviation"
     )
@@ -114,12 +119,14 @@ class ExperimentSheet(Sheet):
                 sample.final_ratio,
                 sample.curve,
                 sample.velocities,
+                sample.concentration,
                 sample.viscosity_ratio,
             )
             if not any(measured):
                 raise ValueError(
                     f"sample {shown(sample.name)}: nothing was measured; give it a table "
-                    "initial_velocity, final_ratio, curve, velocities or viscosity_ratio"
+                    "initial_velocity, final_ratio, curve, velocities, concentration or "
+                    "viscosity_ratio"
                 )
         known, taken = set(names), set()
         for parameter in self.parameter:

@@ -98,6 +98,8 @@ READINGS = Dimension(
     {**HEIGHT.spellings, **VOLUME.spellings, **RATIO.spellings},
 )
 """Everything in which a mudline may be read."""
+LEVEL = Dimension({**HEIGHT.units, **RATIO.units}, {**HEIGHT.spellings, **RATIO.spellings})
+"""Units of a height within a suspension; as a ratio to that of the suspension, too."""
 
 
 def one_of(units: Iterable[str]) -> AfterValidator:

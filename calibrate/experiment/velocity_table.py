@@ -3,19 +3,13 @@
 from pathlib import Path
 from typing import NamedTuple
 
-import numpy as np
-
 from calibrate.experiment.readings import concentrations, velocities
 from calibrate.experiment.readings.sheet import VelocitiesSheet
 from calibrate.experiment.readings.velocities import Velocity
 from calibrate.experiment.readings.velocity_understood import VelocitiesUnderstood
-from calibrate.experiment.sample import FEWEST_REPEATS, Concentration, Measurement, Scatter
+from calibrate.experiment.repeats import BEFORE_THE_FIT, LEAST_SCATTER, scatter_of_repeats
+from calibrate.experiment.sample import Concentration, Measurement, Scatter
 from mrjax import InputError, Recipe
-
-BEFORE_THE_FIT = 0.1
-"""Relative scatter with which a fit begins that estimates it, and ends where nothing tells it."""
-LEAST_SCATTER = 1e-3
-"""Relative scatter below which no velocity was ever read."""
 
 
 class VelocityTable(NamedTuple):
@@ -72,13 +66,9 @@ def read(sheet: VelocitiesSheet, folder: Path, recipe: Recipe) -> VelocityTable:
 
 def _scatter(readings: list[Velocity]) -> Scatter:
     """Relative scatter of repeats at one concentration; where these are few, one to begin with."""
-    fractions, place, count = np.unique(
-        [one.volume_fraction for one in readings], return_inverse=True, return_counts=True
+    found = scatter_of_repeats(
+        [one.volume_fraction for one in readings], [one.value for one in readings], relative=True
     )
-    value = np.array([one.value for one in readings])
-    mean = np.bincount(place, value) / count
-    freedom = len(readings) - len(fractions)
-    if freedom < FEWEST_REPEATS:
+    if found is None:
         return Scatter(BEFORE_THE_FIT, 0.0, "assumed")
-    square = float(np.sum((value / mean[place] - 1.0) ** 2)) / freedom
-    return Scatter(max(square**0.5, LEAST_SCATTER), float(freedom), "repeats")
+    return found._replace(value=max(found.value, LEAST_SCATTER))

@@ -99,6 +99,8 @@ def forecast(
 
 
 def _time(sample: Sample, measurement: Measurement) -> float | None:
+    if measurement.point is not None:
+        return measurement.point.time
     return None if measurement.place is None else sample.times[measurement.place]
 
 

@@ -2,7 +2,7 @@
 
 Readings without a stated error have no p-value of chi-squared: their scatter comes from the
 residuals that it would test. A model that misses the shape of the data shows all the same, by long
-runs of residuals of one sign, in the order of time or of concentration.
+runs of residuals of one sign, in the order of time, of concentration or of height.
 """
 
 from math import comb
@@ -65,7 +65,7 @@ def _test(sample: str | None, observable: str, residuals: np.ndarray) -> RunsTes
 
 
 def _files_without_errors(sample: Sample) -> list[tuple[str, list[int]]]:
-    """Observable and places of the readings of each file, by time or by concentration."""
+    """Observable and places of the readings of each file, by time, concentration or height."""
     files = []
     every = list(enumerate(sample.measurements))
     if sample.curve is not None and sample.curve.errors == "estimated":
@@ -78,6 +78,10 @@ def _files_without_errors(sample: Sample) -> list[tuple[str, list[int]]]:
             if one.concentration is not None
         ]
         files.append(("initial_velocity", [place for _, place in sorted(of_table)]))
+    for table in sample.concentrations:
+        if table.scatter is not None:  # their readings are in the order of time or height
+            points = ((place, one.point) for place, one in every if one.point is not None)
+            files.append((table.name, [place for place, one in points if one.table == table.name]))
     return files
 
 

@@ -8,10 +8,12 @@ from jax import Array
 import mrjax
 from calibrate.experiment.sample import Sample
 from calibrate.experiment.suspension import Suspension
-from calibrate.models.bed import final_ratio, simulated_fraction
+from calibrate.models.bed import final_ratio, fraction_of_bed, simulated_fraction
 from calibrate.models.prediction import (
     ForwardModel,
+    Layers,
     Prediction,
+    layers,
     prediction,
     terminal_velocities,
 )
@@ -27,7 +29,8 @@ def closed_form(
     """Eq. 27 for the velocity, and the two asymptotes of Fig. 4 for the curve.
 
     h / h_0 = max(1 - v t / h_0, phi_0 / phi_bed): the mudline falls at its initial velocity until
-    all lies in the bed. Exact where drag is not local and the bed does not yield.
+    all lies in the bed. Between the mudline and the bed, whose front rises, all is as at first.
+    Exact where drag is not local and the bed does not yield.
 
     Raises:
       InputError: a bed is asked for, and its volume fraction is not known.
@@ -40,6 +43,36 @@ def closed_form(
         final = final_ratio(suspension, bed)
         ratio = jnp.maximum(1.0 - velocity * times / sample.height, final)
         velocities = terminal_velocities(sample, suspension)
-        return prediction(sample, suspension, velocity, final, ratio, velocities)
+        local = jnp.zeros(0)
+        if sample.points:
+            fractions = suspension.volume_fraction, jnp.asarray(fraction_of_bed(suspension, bed))
+            coated = mean_fraction(*fractions, velocity, sample.height, layers(sample))
+            local = coated / suspension.parameters.f_r**3
+        return prediction(sample, suspension, velocity, final, ratio, velocities, local)
 
     return predict
+
+
+def mean_fraction(
+    initial: Array, densest: Array, velocity: Array, height: float, at: Layers
+) -> Array:
+    """Mean volume fraction over layers of a tube where all falls alike until it lies in the bed.
+
+    The solids below a height z are MIN(phi_0 H, phi_0 (z + v t), phi_bed z): all of them above the
+    mudline, those of the suspension as it was, or those of a bed.
+
+    Args:
+      initial: phi_0, ().
+      densest: phi_bed, ().
+      velocity: v, m/s, ().
+      height: H, m.
+      at: the layers, (Q,).
+    """
+
+    def solids_below(level: Array) -> Array:
+        falling = jnp.minimum(height, level + velocity * at.times)
+        return jnp.minimum(initial * falling, densest * level)
+
+    low = jnp.clip(at.levels - 0.5 * at.thickness, 0.0, height)
+    high = jnp.clip(at.levels + 0.5 * at.thickness, 0.0, height)
+    return (solids_below(high) - solids_below(low)) / (high - low)

@@ -13,6 +13,7 @@ from calibrate.models.bed import final_ratio, fraction_of_bed, simulated_fractio
 from calibrate.models.prediction import (
     ForwardModel,
     Prediction,
+    layers,
     prediction,
     terminal_velocities,
 )
@@ -45,7 +46,7 @@ def column(
         initial = suspension.volume_fraction
         return kynch.table(suspension.parameters, suspension.hindrance, initial, densest)
 
-    if sample.times:
+    if sample.times or sample.points:
         refuse_several_sizes(sample, near)
         column_checks.refuse_not_settling(flux_of(near))
 
@@ -53,14 +54,18 @@ def column(
     def predict(suspension: Suspension, times: Array = read) -> Prediction:
         velocity = jnp.mean(mrjax.terminal_velocity(suspension.parameters))
         final = final_ratio(suspension, bed)
-        ratio = jnp.zeros(0)
-        if sample.times:
+        ratio, local = jnp.zeros(0), jnp.zeros(0)
+        if sample.times or sample.points:
             flux = flux_of(suspension)
             # A factor, not a `where`: derivatives are not a number, either.
             possible = jnp.where(column_checks.settles(flux), 1.0, jnp.nan)
+        if sample.times:
             ratio = possible * characteristics.mudline(flux, height, times) / height
+        if sample.points:
+            coated = characteristics.mean_fraction(flux, height, *layers(sample))
+            local = possible * coated / suspension.parameters.f_r**3
         velocities = terminal_velocities(sample, suspension)
-        return prediction(sample, suspension, velocity, final, ratio, velocities)
+        return prediction(sample, suspension, velocity, final, ratio, velocities, local)
 
     return predict
 

@@ -28,10 +28,11 @@ def particles(
     inertia, what changes the falling velocity v changes a curve's times by 1 / v and nothing else,
     and a tube H high takes H / h times as long as a box h high. Each concentration of a table of
     velocities has a box of its own, as large as the recipe's.
+    Concentrations at a height are not predicted.
 
     Raises:
-      InputError: the particles cannot be dispersed in the box, or something varies that would
-        change the path of a curve.
+      InputError: the particles cannot be dispersed in the box, something varies that would
+        change the path of a curve, or concentrations were measured at a height.
     """
     recipe = sample.recipe
     falling = mrjax.terminal_velocity(near.parameters)
@@ -40,6 +41,11 @@ def particles(
         raise InputError(
             f"sample {sample.name!r}: the particles of a curve pack as they will; take {BED} away, "
             "or fit with another model"
+        )
+    if sample.points:
+        raise InputError(
+            f"sample {sample.name!r}: a box of few particles has no concentration at a height; fit "
+            "with column or closed-form"
         )
     diluted = falls(sample.name, recipe, near, seed, sample.fractions)
     state = own = None

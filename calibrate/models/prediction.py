@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -9,11 +10,12 @@ from jax import Array
 
 from calibrate.experiment.sample import Sample
 from calibrate.experiment.suspension import Suspension
-from mrjax import terminal_velocity
+from mrjax import InputError, terminal_velocity
 
 Prediction = dict[str, Array]
 """By observable, in SI units; of a curve, for all of its times. `initial_velocities` are those of a
-table, for all of its concentrations."""
+table, for all of its concentrations; `concentrations` are the mean volume fractions of uncoated
+particles over the layers of `Sample.points`, (Q,)."""
 
 ForwardModel = Callable[..., Prediction]
 """From a suspension to what should have been measured on it. One that takes `times`, (T,) in s, as
@@ -22,6 +24,23 @@ well predicts a curve between its readings."""
 ForwardModelMaker = Callable[[Sample, Suspension, int, tuple[str, ...], Path | None], ForwardModel]
 """Prepares a forward model: from a sample, the suspension near which it will be asked, a seed, the
 names of what will vary, and a folder that keeps a bed as it is simulated."""
+
+
+class Layers(NamedTuple):
+    """Layers of a tube over which concentrations are averaged, (Q,) each."""
+
+    levels: Array
+    """Middle of each, m from the floor."""
+    times: Array
+    """s."""
+    thickness: Array
+    """m."""
+
+
+def layers(sample: Sample) -> Layers:
+    """The layers in which the concentrations of a sample were measured."""
+    height, time, thickness = jnp.asarray([one[:3] for one in sample.points], float).T
+    return Layers(height, time, thickness)
 
 
 def terminal_velocities(sample: Sample, suspension: Suspension) -> Array:
@@ -42,6 +61,7 @@ def prediction(
     final: Array,
     ratio: Array,
     velocities: Array,
+    concentrations: Array | None = None,
 ) -> Prediction:
     """The prediction of everything that can be measured on a sample.
 
@@ -52,8 +72,11 @@ def prediction(
       final: final height over that of the suspension, ().
       ratio: height over that of the suspension at the sample's times, (T,).
       velocities: initial velocity at each of the sample's fractions, (K,) in m/s.
+      concentrations: mean volume fraction of the uncoated particles at each of the sample's points,
+        (Q,); None of a model that predicts none.
     """
-    return {
+    local = {} if concentrations is None else {"concentrations": concentrations}
+    return local | {
         "initial_velocity": velocity,
         "initial_velocities": velocities,
         "final_ratio": final,
@@ -64,10 +87,22 @@ def prediction(
 
 
 def as_measured(sample: Sample, prediction: Prediction) -> list[Array]:
-    """The predicted value of each measurement of a sample, in the measurement's unit; ()."""
+    """The predicted value of each measurement of a sample, in the measurement's unit; ().
+
+    Raises:
+      InputError: concentrations were measured and are not predicted.
+    """
+    if sample.points and "concentrations" not in prediction:
+        raise InputError(
+            f"sample {sample.name!r}: this model predicts no concentration at a height; fit with "
+            "column or closed-form, or give the predictions of your own model the key "
+            f"concentrations, ({len(sample.points)},)"
+        )
     values = []
     for measurement in sample.measurements:
-        if measurement.concentration is not None:
+        if measurement.point is not None:
+            at_place = prediction["concentrations"][measurement.point.place]
+        elif measurement.concentration is not None:
             at_place = prediction["initial_velocities"][measurement.concentration.place]
         elif measurement.place is not None:
             at_place = prediction[measurement.observable][measurement.place]

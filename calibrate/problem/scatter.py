@@ -1,10 +1,10 @@
 """The scatter of readings without a stated error, estimated with the fit.
 
-The standard deviation of a height is its scatter s, that of a velocity s times its predicted value
-p, where the fit ended before. The residuals r = m - p, or (m - p) / p, then give s^2 = sum r^2 /
-nu. Of nu degrees of freedom each reading has one less its leverage, the share of a fitted value
-that is taken from it; so that other measurements and priors count. The fit is repeated with the new
-errors until they stay.
+The standard deviation of a height or local concentration is its scatter s, that of a velocity s
+times its predicted value p, where the fit ended before. The residuals r = m - p, or (m - p) / p,
+then give s^2 = sum r^2 / nu. Of nu degrees of freedom each reading has one less its leverage, the
+share of a fitted value that is taken from it; so that other measurements and priors count. The fit
+is repeated with the new errors until they stay.
 """
 
 from collections.abc import Callable
@@ -15,8 +15,9 @@ import numpy as np
 
 from calibrate.experiment.experiment import Experiment
 from calibrate.experiment.readings.scatter import LEAST, MEDIAN_OF_NORMAL
-from calibrate.experiment.sample import Measurement, Sample, Scatter
-from calibrate.experiment.velocity_table import BEFORE_THE_FIT, LEAST_SCATTER
+from calibrate.experiment.repeats import BEFORE_THE_FIT, LEAST_SCATTER
+from calibrate.experiment.sample import LocalTable, Measurement, Sample, Scatter
+from calibrate.experiment.units import RATIO_UNITS
 from calibrate.least_squares.fit import Fit
 from calibrate.least_squares.leverage import leverages
 from calibrate.problem.problem import Problem
@@ -79,7 +80,12 @@ def with_freedom(problem: Problem, estimated: Problem) -> Problem:
     """The problem of the fit, with the degrees of freedom of its scatter, which the end tells."""
     pairs = zip(problem.experiment.samples, estimated.experiment.samples, strict=True)
     samples = tuple(
-        replace(one, scatter=other.scatter, curve_scatter=other.curve_scatter)
+        replace(
+            one,
+            scatter=other.scatter,
+            curve_scatter=other.curve_scatter,
+            concentrations=other.concentrations,
+        )
         for one, other in pairs
     )
     return replace(problem, experiment=replace(problem.experiment, samples=samples))
@@ -97,7 +103,8 @@ def _estimated(problem: Problem, fit: Fit) -> Experiment:
         first = place.stop
         of_sample = residuals[place], predicted[place], freedom[place], robust
         sample = _with_scatter_of_velocities(sample, *of_sample)
-        samples.append(_with_scatter_of_curve(sample, *of_sample))
+        sample = _with_scatter_of_curve(sample, *of_sample)
+        samples.append(_with_scatter_of_concentrations(sample, *of_sample))
     return replace(problem.experiment, samples=tuple(samples))
 
 
@@ -112,6 +119,8 @@ def places_of_scatter(problem: Problem, fit: Fit) -> list[np.ndarray]:
             (first + np.flatnonzero(_of_table(sample)), sample.scatter),
             (first + np.flatnonzero(_of_curve(sample)), sample.curve_scatter),
         ]
+        for table in sample.concentrations:
+            groups.append((first + np.flatnonzero(_of_local_table(sample, table)), table.scatter))
         first += len(sample.measurements)
     if isinstance(scatter := getattr(experiment, "scatter", None), Scatter):  # of a simulator
         groups.append((np.arange(fit.residuals.size), scatter))
@@ -141,6 +150,12 @@ def _of_table(sample: Sample) -> np.ndarray:
 def _of_curve(sample: Sample) -> np.ndarray:
     """True for readings of a curve, (M,)."""
     return np.array([one.place is not None for one in sample.measurements], bool)
+
+
+def _of_local_table(sample: Sample, table: LocalTable) -> np.ndarray:
+    """True for readings of a table of local concentrations, (M,)."""
+    names = [one.point and one.point.table for one in sample.measurements]
+    return np.array([name == table.name for name in names], bool)
 
 
 def _with_scatter_of_velocities(
@@ -177,6 +192,26 @@ def _with_scatter_of_curve(
     scatter = _estimate(residuals[read], free, robust, least, assumed)
     errors = np.full(predicted.shape, scatter.value)
     return replace(sample, measurements=_with_errors(sample, read, errors), curve_scatter=scatter)
+
+
+def _with_scatter_of_concentrations(
+    sample: Sample, residuals: np.ndarray, predicted: np.ndarray, freedom: np.ndarray, robust: bool
+) -> Sample:
+    """A sample with the scatter of its local concentrations; as for velocities."""
+    for place, table in enumerate(sample.concentrations):
+        if table.scatter is None or table.scatter.source == "repeats":
+            continue
+        tabled = _of_local_table(sample, table)
+        size = sample.recipe.volume_fraction / RATIO_UNITS[table.unit]
+        assumed = Scatter(BEFORE_THE_FIT * size, 0.0, "assumed")
+        free = float(freedom[tabled].sum())
+        scatter = _estimate(residuals[tabled], free, robust, LEAST_SCATTER * size, assumed)
+        errors = np.full(predicted.shape, scatter.value)
+        tables = list(sample.concentrations)
+        tables[place] = table._replace(scatter=scatter)
+        measured = _with_errors(sample, tabled, errors)
+        sample = replace(sample, measurements=measured, concentrations=tuple(tables))
+    return sample
 
 
 def _estimate(

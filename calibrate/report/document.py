@@ -56,7 +56,7 @@ and {result["degrees_of_freedom"]} degrees of freedom; {result["model_runs"]} mo
 ## Predicted against measured
 
 {_understood(result)}{predictions}
-{shown("predictions", "velocities", "curves", "readings", "residuals")}
+{shown("predictions", "velocities", "curves", "concentrations", "readings", "residuals")}
 
 ## What the data determine
 {words}

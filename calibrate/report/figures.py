@@ -1,5 +1,6 @@
 """Figures of a fit: data and predictions, residuals, profiles, samples, the search."""
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from calibrate.experiment.units import TIME_UNITS
+from calibrate.experiment.units import HEIGHT_UNITS, TIME_UNITS
 from calibrate.inference.posterior import Posterior
 from calibrate.inference.profile import Profile
 from calibrate.least_squares.fit import Fit
@@ -18,6 +19,8 @@ from mrjax.figures import COLUMN, STYLE
 
 MARKERS = "osD^v<>p"
 """Of samples, one after the other."""
+MOST_ACROSS = 4
+"""Panels beside each other."""
 
 
 def figures(
@@ -33,8 +36,10 @@ def figures(
         drawn["predictions"] = predictions_figure(result)
     if any("concentration" in one for one in result["predictions"]):
         drawn["velocities"] = velocities_figure(result)
-    if any("time_s" in one for one in result["predictions"]):
+    if any(map(_is_of_curve, result["predictions"])):
         drawn["curves"] = curves_figure(result)
+    if any("height_m" in one for one in result["predictions"]):
+        drawn["concentrations"] = concentrations_figure(result)
     if any("at" in one for one in result["predictions"]):
         drawn["readings"] = readings_figure(result)
     drawn["residuals"] = residuals_figure(result)
@@ -44,6 +49,11 @@ def figures(
         drawn["posterior"] = corner_figure(samples)
     drawn["loss"] = loss_figure(fit)
     return drawn
+
+
+def _is_of_curve(one: dict[str, Any]) -> bool:
+    """True of a reading of a curve."""
+    return "time_s" in one and "height_m" not in one
 
 
 def _is_alone(one: dict[str, Any]) -> bool:
@@ -83,9 +93,30 @@ def velocities_figure(result: dict[str, Any]) -> Figure:
 
 
 @STYLE
+def concentrations_figure(result: dict[str, Any]) -> Figure:
+    """Measured and predicted volume fractions of each table, against time or height."""
+    rows = [one for one in result["predictions"] if "height_m" in one]
+    figure, panels = _panels(rows, lambda one: (one["sample"], one["table"]))
+    for axes, of_table in panels:
+        first = of_table[0]
+        axes.set_title(f"sample {in_figure(first['sample'])}\n{in_figure(first['table'])}")
+        if any(one["time_s"] != first["time_s"] for one in of_table):
+            at = [one["time_s"] / TIME_UNITS[first["time_unit"]] for one in of_table]
+            axes.set_xlabel(f"time, {in_unit(2.0, first['time_unit'])[1]}")
+        else:
+            at = [one["height_m"] / HEIGHT_UNITS[first["height_unit"]] for one in of_table]
+            axes.set_xlabel(f"height, {first['height_unit']}")
+        _draw(axes, at, of_table)
+        axes.set_ylabel("volume fraction" + ("" if first["unit"] == "1" else ", %"))
+        axes.set_ylim(bottom=0.0)
+    axes.legend()
+    return figure
+
+
+@STYLE
 def curves_figure(result: dict[str, Any]) -> Figure:
     """Measured curves with their errors, and predicted ones with a band of two standard errors."""
-    rows = [one for one in result["predictions"] if "time_s" in one]
+    rows = [one for one in result["predictions"] if _is_of_curve(one)]
     figure, panels = _panels(rows)
     for axes, of_sample in panels:
         unit = of_sample[0]["time_unit"]
@@ -105,18 +136,26 @@ def curves_figure(result: dict[str, Any]) -> Figure:
     return figure
 
 
-def _panels(rows: list[dict[str, Any]]) -> tuple[Figure, list[tuple[Axes, list[dict[str, Any]]]]]:
-    """A figure with axes for each sample, and the predictions that belong there."""
-    names = list(dict.fromkeys(one["sample"] for one in rows))
-    figure = Figure(figsize=(COLUMN * len(names), 2.4), layout="constrained")
-    every = figure.subplots(1, len(names), squeeze=False)[0]
-    for axes, name in zip(every, names, strict=True):
-        axes.set_title(f"sample {in_figure(name)}")
-    of_each = [[one for one in rows if one["sample"] == name] for name in names]
-    return figure, list(zip(every, of_each, strict=True))
+def _panels(
+    rows: list[dict[str, Any]], key: Callable[[dict[str, Any]], Any] = lambda one: one["sample"]
+) -> tuple[Figure, list[tuple[Axes, list[dict[str, Any]]]]]:
+    """A figure with axes for each sample, or another key, and the predictions that belong there."""
+    keys = list(dict.fromkeys(map(key, rows)))
+    across = min(len(keys), MOST_ACROSS)
+    down = -(-len(keys) // across)
+    figure = Figure(figsize=(COLUMN * across, 2.4 * down), layout="constrained")
+    every = figure.subplots(down, across, squeeze=False).ravel()
+    for axes in every[len(keys) :]:
+        axes.set_axis_off()
+    of_each = [[one for one in rows if key(one) == own] for own in keys]
+    for axes, own in zip(every, of_each, strict=False):
+        axes.set_title(f"sample {in_figure(own[0]['sample'])}")
+    return figure, list(zip(every, of_each, strict=False))
 
 
-def _draw(axes: Axes, at: list[float], rows: list[dict[str, Any]], least: float = -np.inf) -> None:
+def _draw(
+    axes: Axes, at: list[float], rows: list[dict[str, Any]], least: float | None = None
+) -> None:
     """Measured values, and predicted ones at the same places: see below."""
     _draw_measured(axes, at, rows)
     predicted, errors = ([one[key] for one in rows] for key in ("predicted", "predicted_error"))
@@ -144,7 +183,7 @@ def _draw_measured(axes: Axes, at: list[float], rows: list[dict[str, Any]]) -> N
 
 
 def _draw_predicted(
-    axes: Axes, at: ArrayLike, predicted: ArrayLike, error: ArrayLike, least: float = -np.inf
+    axes: Axes, at: ArrayLike, predicted: ArrayLike, error: ArrayLike, least: float | None = None
 ) -> None:
     """Predicted values with a band of two standard errors.
 
@@ -152,12 +191,14 @@ def _draw_predicted(
       axes: where to.
       at: places along the axis, (K,).
       predicted, error: values and standard errors, (K,).
-      least: lower end of the band, as a share of the prediction: on an axis of logarithms above 0.
+      least: lower end of the band, as a share of the prediction: on an axis of logarithms above 0;
+        None where it has none.
     """
     values, spread = np.asarray(predicted), 2.0 * np.asarray(error)
     axes.plot(at, values, color="0.4", label="predicted")
     if np.isfinite(spread).all():
-        low = np.maximum(values - spread, least * values)
+        low = values - spread
+        low = low if least is None else np.maximum(low, least * values)
         axes.fill_between(at, low, values + spread, color="0.85", zorder=0)
 
 

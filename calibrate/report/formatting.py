@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from calibrate.experiment.readings import concentrations
-from calibrate.experiment.units import CURVES, TIME_UNITS
+from calibrate.experiment.units import CURVES, HEIGHT_UNITS, TIME_UNITS
 from calibrate.inference.identify import WITHOUT_PRIOR
 
 SMALLEST_P = 1e-12
@@ -40,13 +40,17 @@ def off(one: dict[str, Any], form: str = "{}") -> str:
 
 
 def when(one: dict[str, Any]) -> str:
-    """The time of a reading of a curve, the concentration or place of one of a table."""
+    """The time of a reading of a curve, the concentration, height or place of a table's."""
     if "at" in one:
         what, _, unit = one["axis"].partition(",")
         return " " + " ".join(f"at {what} {one['at']:.6g} {unit}".split())
     if one["observable"] in CURVES and "time_s" in one:
         value, unit = in_unit(one["time_s"], one["time_unit"])
         return f" at {value:.4g} {unit}"
+    if "height_m" in one:
+        height = one["height_m"] / HEIGHT_UNITS[one["height_unit"]]
+        value, unit = in_unit(one["time_s"], one["time_unit"])
+        return f" at {height:.4g} {one['height_unit']} and {value:.4g} {unit}"
     if "concentration" not in one:
         return ""
     return f" at {concentrations.said(one['concentration_kind'], one['concentration'])}"

@@ -10,6 +10,7 @@ import numpy as np
 from calibrate.experiment.free_parameters import FreeParameter
 from calibrate.experiment.sample import Measurement, Sample, Scatter
 from calibrate.experiment.simulator import SimulatedExperiment
+from calibrate.experiment.units import RATIO_UNITS
 from calibrate.inference.advice import advice, stand_out
 from calibrate.inference.curvature import covariance, information
 from calibrate.inference.curves import PredictedCurve
@@ -393,7 +394,15 @@ def _place(problem: Problem, sample: Sample | None, one: Measurement) -> dict[st
 
 
 def _where(one: Measurement, time: float | None, unit: str = "s") -> dict[str, Any]:
-    """The time of a reading of a curve, or the concentration of one of a table."""
+    """The time of a reading of a curve, or the concentration, or height and time, of a table's."""
+    if one.point is not None:
+        return {
+            "table": one.point.table,
+            "height_m": one.point.height,
+            "height_unit": one.point.height_unit,
+            "time_s": one.point.time,
+            "time_unit": one.point.time_unit,
+        }
     if time is not None:
         return {"time_s": time, "time_unit": unit}
     if one.concentration is None:
@@ -406,7 +415,10 @@ def _where(one: Measurement, time: float | None, unit: str = "s") -> dict[str, A
 
 
 def _scatter(problem: Problem) -> dict[str, dict[str, Any]]:
-    """The scatter of readings without a stated error: of velocities, of curves, of a simulator."""
+    """The scatter of readings without a stated error: of velocities, of curves, of concentrations.
+
+    That of a simulator, too. That of velocities is relative; another has a unit.
+    """
     experiment = problem.experiment
     if isinstance(experiment, SimulatedExperiment):
         if experiment.scatter is None:
@@ -421,6 +433,18 @@ def _scatter(problem: Problem) -> dict[str, dict[str, Any]]:
             one = sample.readings_of_curve[0]
             where = {"sample": sample.name, "observable": one.observable, "unit": one.unit}
             scatters[f"{sample.name}, curve"] = _table_of_scatter(of_curve) | where
+        for table in sample.concentrations:
+            if table.scatter is not None:
+                name = f"{sample.name}, {table.name}"
+                scatters[name] = _table_of_scatter(table.scatter) | {
+                    "sample": sample.name,
+                    "observable": "volume_fraction",
+                    "unit": table.unit,
+                    "table": table.name,
+                    "of_initial": table.scatter.value
+                    * RATIO_UNITS[table.unit]
+                    / sample.recipe.volume_fraction,
+                }
     return scatters
 
 

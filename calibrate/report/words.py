@@ -20,6 +20,8 @@ class Language(NamedTuple):
 
 MARKDOWN = Language(in_markdown, in_code)
 
+TOO_LARGE = 0.2
+"""Scatter of concentrations, over that of the suspension, which is rather a misfit."""
 AS_GOOD = 1.92
 """Largest rise of the loss of an optimum that 95 % of cases do not exclude."""
 
@@ -168,11 +170,15 @@ def _optima(result: dict[str, Any], code: Callable[[str], str]) -> Iterator[str]
 
 
 def _absolute_scatter(one: dict[str, Any], text: Callable[[str], str]) -> str:
-    """The sentence about the scatter of a curve, or of the readings of a simulator."""
+    """The sentence about the scatter of a curve or table, or of the readings of a simulator."""
     unit = "" if one["unit"] == "1" else f" {one['unit']}"
     scatter = "The scatter of the readings"
     if "sample" in one:
         scatter += f" of the {spelled(one['observable'])} of sample {text(one['sample'])}"
+    if "table" in one:
+        scatter += f", {text(one['table'])}"
+        if one["source"] == "assumed":
+            return f"{scatter}, is assumed, {one['value']:.3g}{unit}: too few readings tell it."
     if one["source"] == "assumed":
         return (
             f"{scatter}, {one['value']:.3g}{unit}, is that about parabolas through their "
@@ -180,10 +186,16 @@ def _absolute_scatter(one: dict[str, Any], text: Callable[[str], str]) -> str:
         )
     whence = "repeats" if one["source"] == "repeats" else "their residuals"
     value = with_error(one["value"], one["standard_error"])
-    return (
+    said = (
         f"{scatter}, {value}{unit}, is estimated from {whence}, with "
         f"{one['degrees_of_freedom']:.3g} degrees of freedom: errors of fitted values follow from "
         "it, and intervals are those of Student's distribution."
+    )
+    if one["source"] == "repeats" or one.get("of_initial", 0.0) < TOO_LARGE:
+        return said
+    return (
+        f"{said} It is {one['of_initial']:.0%} of the concentration of the suspension: rather a "
+        "front that the model misses than scatter."
     )
 
 
@@ -247,14 +259,14 @@ def _far_off(
 
     Args:
       one: the prediction of it.
-      files: records of how files were read, by sample.
+      files: records of how files were read, by sample and table.
       text: escapes names.
     """
-    table = "concentration" in one
-    file = files.get(f"{one['sample']}, velocities" if table else one["sample"], {})
+    table = "velocities" if "concentration" in one else one.get("table")
+    file = files.get(f"{one['sample']}, {table}" if table else one["sample"], {})
     row = "" if one["row"] is None else f", {file.get('row_word', 'row')} {one['row']}"
     at = when(one)
-    if "time_s" in one and file:
+    if "time_s" in one and file and not table:
         at = f" at {one['time_s'] / TIME_UNITS[file['time_unit']]:.6g} {file['time_unit']}"
     sample = "" if one["sample"] is None else f"sample {text(one['sample'])}, "
     off = (one["predicted"] - one["measured"]) / one["sigma"]

@@ -63,7 +63,7 @@ def mean_fraction(
       height: H, m, ().
       level: middle of the layer, m from the floor, (Q,).
       times: s, (Q,).
-      thickness: of the layer, which ends at the floor and at H; m, ().
+      thickness: of the layer, which ends at the floor and at H; m, () or (Q,).
     """
     low = jnp.clip(level - 0.5 * thickness, 0.0, height)
     high = jnp.clip(level + 0.5 * thickness, 0.0, height)

@@ -11,7 +11,7 @@ import calibrate
 import mrjax
 from calibrate import Experiment, Problem
 from calibrate.__main__ import cli
-from calibrate.experiment.velocity_table import BEFORE_THE_FIT, LEAST_SCATTER
+from calibrate.experiment.repeats import BEFORE_THE_FIT, LEAST_SCATTER
 from calibrate.problem.solve import fit_experiment
 
 GLASS_BEADS = """# Glass beads in water: flux of solid (volume per area and time, downwards)

@@ -22,7 +22,7 @@ class Column(NamedTuple):
     place: int
     """From 0."""
     heading: Heading
-    role: Role | Literal["other"]
+    role: Role | Literal["height", "concentration", "other"]
 
     @property
     def named(self) -> str:
@@ -77,7 +77,7 @@ def layout(
     columns = [
         Column(place, one, one.kind[0]) for place, one in enumerate(heads) if one.kind is not None
     ]
-    time, date = _time(chosen["time"], columns, time_unit, at)
+    time, date = time_columns(chosen["time"], columns, time_unit, at)
     readings = [one for role in OF_READINGS for one in chosen[role]] or _readings(columns, unit, at)
     if time is None or not readings:
         raise InputError(_without(heads, at, row is None))
@@ -181,20 +181,39 @@ def _is_named(head: Heading, name: str) -> bool:
 
 def _stated(role: Role, stated: ColumnsSheet, heads: list[Heading], at: str) -> list[Column]:
     """The columns that the experiment file states for a role."""
-    found: list[Column] = []
-    for given in _named(stated, role):
+    places = stated_places(role, _named(stated, role), heads, at, several=role in OF_READINGS)
+    return [Column(place, heads[place], _role(role, heads[place])) for place in places]
+
+
+def stated_places(
+    role: str, stated: list[str | int], heads: list[Heading], at: str, several: bool
+) -> list[int]:
+    """Places of the columns of a header that are stated by name or number.
+
+    Args:
+      role: key of `columns` that states them.
+      stated: names, or numbers from 1.
+      heads: the header.
+      at: its place, as messages name it.
+      several: whether one name may be that of several columns.
+
+    Raises:
+      InputError: no such column, or more than one.
+    """
+    found: list[int] = []
+    for given in stated:
         if isinstance(given, int):
             places = [given - 1] if given <= len(heads) else []
         else:
             exact = [place for place, one in enumerate(heads) if one.written == given]
             places = exact or [place for place, one in enumerate(heads) if _is_named(one, given)]
-        if not places or (len(places) > 1 and role not in OF_READINGS):
+        if not places or (len(places) > 1 and not several):
             count = "no column" if not places else f"{len(places)} columns"
             raise InputError(
                 f"{at}: columns.{role} = {shown(given)}: there is {count} of it; give a name or "
                 f"number of the header, which is {_listed(heads)}"
             )
-        found += [Column(place, heads[place], _role(role, heads[place])) for place in places]
+        found += places
     return found
 
 
@@ -204,10 +223,20 @@ def _role(role: Role, head: Heading) -> Role:
     return said[0] if role == "mudline" and said and said[0] in OF_READINGS else role
 
 
-def _time(
+def time_columns(
     stated: list[Column], columns: list[Column], time_unit: str | None, at: str
 ) -> tuple[Column | None, Column | None]:
-    """The column of times, and that of dates where the time of day has its own."""
+    """The column of times, and that of dates where the time of day has its own.
+
+    Args:
+      stated: columns that are stated to be times.
+      columns: all others.
+      time_unit: stated one, which tells times in several units apart.
+      at: place of the header, as messages name it.
+
+    Raises:
+      InputError: several columns may be the time.
+    """
     times = stated or [one for one in columns if one.role == "time"]
     if len(times) < 2:
         return (times[0] if times else None), None
@@ -222,7 +251,7 @@ def _time(
         return in_unit[0], None
     if len(best) > 1 and len({one.heading.unit for one in best}) < len(best):
         raise InputError(
-            f"{at}: {_columns(best)} may be the time; state columns = {{time = "
+            f"{at}: {in_words(best)} may be the time; state columns = {{time = "
             f"{shown(best[0].named)}}}"
         )
     return best[0], None
@@ -249,13 +278,14 @@ def _readings(columns: list[Column], unit: str | None, at: str) -> list[Column]:
     best = [one for one in best if one in in_unit or one not in named]
     if len({one.heading.base for one in best}) > 1:
         raise InputError(
-            f"{at}: {_columns(best)} may be the mudline; state columns = {{mudline = "
+            f"{at}: {in_words(best)} may be the mudline; state columns = {{mudline = "
             f"{shown(best[0].named)}}}, or a list of repeats"
         )
     return best
 
 
-def _columns(columns: list[Column]) -> str:
+def in_words(columns: list[Column]) -> str:
+    """Columns in words."""
     return "columns " + " and ".join(shown(one.named) for one in columns[:3])
 
 

@@ -89,6 +89,12 @@ def names_a_concentration(text: str) -> bool:
     )
 
 
+def alike(kind: str, other: str) -> bool:
+    """True if two kinds are one: of g/L and kg/m3 the numbers are the same."""
+    first, second = KINDS[kind], KINDS[other]
+    return first[:2] + first[3:] == second[:2] + second[3:]
+
+
 def said(kind: str, value: float) -> str:
     """A concentration in words."""
     return KINDS[kind].said.format(value)
@@ -105,22 +111,48 @@ def volume_fraction(kind: str, value: float, recipe: Recipe) -> float:
     Raises:
       InputError: a concentration that no suspension of these particles has.
     """
-    of = KINDS[kind]
-    number = of.factor / value if of.inverse else of.factor * value
-    stated = _by_weight(number, recipe) if of.way == "particle" else {of.way: number}
-    possible = of.way not in ("particle", "volume_fraction") or number < 1.0
-    possible = possible and min(stated.values()) >= 0.0
-    fraction = 1.0
-    if possible:
-        fraction = Composition.model_construct(None, **stated).fraction(recipe.phases)
-    if fraction * recipe.radius_factor**3 > RANDOM_CLOSE_PACKING:
-        which = f", a volume fraction of {fraction:.3g}," if possible else ""
+    fraction = _fraction(kind, value, recipe)
+    if fraction is None or fraction * recipe.radius_factor**3 > RANDOM_CLOSE_PACKING:
+        which = "" if fraction is None else f", a volume fraction of {fraction:.3g},"
         raise InputError(
             f"{said(kind, value)}{which} is denser than particles can be dispersed, "
             f"{RANDOM_CLOSE_PACKING} by volume; mend it, or state concentration if it is not the "
             f"{kind}"
         )
     return fraction
+
+
+def local_fraction(kind: str, value: float, recipe: Recipe) -> float:
+    """Volume fraction of the uncoated particles in clear fluid, a suspension or a bed; 1.
+
+    Args:
+      kind: one of `KINDS`.
+      value: zero or above.
+      recipe: the densities, and how much coating there is for a particle.
+
+    Raises:
+      InputError: more than solids alone.
+    """
+    if value == 0.0 and not KINDS[kind].inverse:
+        return 0.0
+    fraction = _fraction(kind, value, recipe) if value else None
+    if fraction is None or fraction * recipe.radius_factor**3 >= 1.0:
+        raise InputError(
+            f"{said(kind, value)} is as much as solids alone, or more; mend it, or state "
+            f"concentration if it is not the {kind}"
+        )
+    return fraction
+
+
+def _fraction(kind: str, value: float, recipe: Recipe) -> float | None:
+    """Volume fraction of the uncoated particles; None where nothing has that concentration."""
+    of = KINDS[kind]
+    number = of.factor / value if of.inverse else of.factor * value
+    stated = _by_weight(number, recipe) if of.way == "particle" else {of.way: number}
+    possible = of.way not in ("particle", "volume_fraction") or number < 1.0
+    if not possible or min(stated.values()) < 0.0:
+        return None
+    return Composition.model_construct(None, **stated).fraction(recipe.phases)
 
 
 def _by_weight(particle: float, recipe: Recipe) -> dict[str, float]:

@@ -49,7 +49,7 @@ def points(table: Table, layout: Layout, date_format: str | None = None) -> Poin
         refuse_wider(at, row, layout.width)
         if layout.date:
             date = row.cell(layout.date.place) or date  # one cell for all rows of a day
-        time = _with_date(_cell(at, row, layout.time), date)
+        time = with_date(_cell(at, row, layout.time), date)
         filled = [one for one in layout.readings if not cells.is_missing(row.cell(one.place))]
         if not date_format and not cells.is_missing(time.text) and not _is_time(time.text):
             raise time.refuse(
@@ -98,8 +98,13 @@ def _error(at: str, row: Row, reading: Column, layout: Layout) -> Cell | None:
     return None if cells.is_missing(cell.text) else cell
 
 
-def _with_date(time: Cell, date: str) -> Cell:
-    """The time of a row behind its date or day, where that has a column of its own."""
+def with_date(time: Cell, date: str) -> Cell:
+    """The time of a row behind its date or day, where that has a column of its own.
+
+    Args:
+      time: its cell.
+      date: text of the date or number of the day, "" without one.
+    """
     if not date or not is_clock(time.text):
         return time
     if cells.number(date) is not None and not is_date(date):

@@ -7,7 +7,7 @@ from pydantic import Field, field_validator, model_validator
 
 from calibrate.experiment.readings.concentrations import KINDS, OF_CONCENTRATION
 from calibrate.experiment.readings.dates import strptime_format
-from calibrate.experiment.units import READINGS, TIME, spelled
+from calibrate.experiment.units import LEVEL, READINGS, TIME, spelled
 from calibrate.experiment.velocity_units import EXAMPLES, OF_VELOCITY
 from mrjax.recipe.sheets import FileName, Name, Sheet
 
@@ -52,33 +52,38 @@ class FileSheet(Sheet):
         return decimal
 
 
-class CurveSheet(FileSheet):
-    """The table of a curve: its file, and what is not left to be found in it."""
+class TimesSheet(FileSheet):
+    """A file of readings at times, and what may be stated of those."""
 
-    columns: ColumnsSheet = Field(
-        default=ColumnsSheet(), description='a table such as {time = "t", mudline = "h"}'
-    )
     time_unit: Annotated[str, spelled(TIME)] | None = Field(
         default=None, description=f"one of {', '.join(TIME.units)}"
-    )
-    unit: Annotated[str, spelled(READINGS)] | None = Field(
-        default=None,
-        description=f"that of the readings, one of {', '.join(READINGS.units)}",
     )
     date_format: Name | None = Field(default=None, description='such as "%d/%m/%Y %H:%M"')
     start: Name | datetime | date | time | None = Field(
         default=None, description='when settling began, such as "2024-01-31 09:30" or "09:30"'
-    )
-    standard_deviation: float | None = Field(
-        default=None,
-        gt=0,
-        description="the uncertainty of every point in this unit, above zero",
     )
 
     @field_validator("date_format")
     @classmethod
     def _a_format(cls, date_format: str | None) -> str | None:
         return None if date_format is None else strptime_format(date_format)
+
+
+class CurveSheet(TimesSheet):
+    """The table of a curve: its file, and what is not left to be found in it."""
+
+    columns: ColumnsSheet = Field(
+        default=ColumnsSheet(), description='a table such as {time = "t", mudline = "h"}'
+    )
+    unit: Annotated[str, spelled(READINGS)] | None = Field(
+        default=None,
+        description=f"that of the readings, one of {', '.join(READINGS.units)}",
+    )
+    standard_deviation: float | None = Field(
+        default=None,
+        gt=0,
+        description="the uncertainty of every point in this unit, above zero",
+    )
 
 
 class VelocityColumnsSheet(Sheet):
@@ -134,4 +139,63 @@ class VelocitiesSheet(FileSheet):
                 f"standard_deviation = {self.standard_deviation:g} and "
                 f"relative_standard_deviation = {self.relative_standard_deviation:g}: keep one"
             )
+        return self
+
+
+class LocalColumnsSheet(Sheet):
+    """Columns of a table of local concentrations: names in its header, or numbers."""
+
+    time: Column | None = Field(default=None, description="the column of times")
+    height: Column | None = Field(default=None, description="the column of heights")
+    concentration: Column | list[Column] | None = Field(
+        default=None, description="the column of concentrations, or a list of repeats"
+    )
+    standard_deviation: Column | None = Field(
+        default=None, description="the column of the errors of readings"
+    )
+
+
+class LocalSheet(TimesSheet):
+    """A table of concentrations at a height by time, or at a time by height."""
+
+    height: float | None = Field(
+        default=None, ge=0, description="of the readings above the floor, in m, for a file of times"
+    )
+    time: float | None = Field(
+        default=None, ge=0, description="of the profile, in time_unit or s, for a file of heights"
+    )
+    thickness: float | None = Field(
+        default=None, gt=0, description="of the layer that a reading averages over, in m"
+    )
+    columns: LocalColumnsSheet = Field(
+        default=LocalColumnsSheet(),
+        description='a table such as {time = "t", concentration = "c"}',
+    )
+    concentration: Annotated[str, OF_CONCENTRATION] | None = Field(
+        default=None, description=f"what the concentrations are: {', '.join(KINDS)}"
+    )
+    height_unit: Annotated[str, spelled(LEVEL)] | None = Field(
+        default=None, description=f"of the file's heights, one of {', '.join(LEVEL.units)}"
+    )
+    standard_deviation: float | None = Field(
+        default=None, gt=0, description="the uncertainty of every reading in its unit, above zero"
+    )
+
+    @model_validator(mode="after")
+    def _one_place(self) -> Self:
+        if (self.height is None) == (self.time is None):
+            stated = "both are given" if self.height is not None else "neither is given"
+            raise ValueError(
+                f"height or time: {stated}; give height in m for a file of times, or time for one "
+                "of heights"
+            )
+        if self.height is None:
+            unused = [key for key in ("date_format", "start") if getattr(self, key) is not None]
+            unused += ["columns.time"] if self.columns.time is not None else []
+        else:
+            unused = ["height_unit"] if self.height_unit is not None else []
+            unused += ["columns.height"] if self.columns.height is not None else []
+        if unused:
+            stated = "time" if self.height is None else "height"
+            raise ValueError(f"{unused[0]}: is not used where {stated} is stated; keep one")
         return self

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from calibrate.experiment.readings import cells, dates
 from calibrate.experiment.readings.cells import Cell
 from calibrate.experiment.readings.headings import Heading
-from calibrate.experiment.readings.sheet import CurveSheet
+from calibrate.experiment.readings.sheet import TimesSheet
 from calibrate.experiment.readings.vocabulary import HOURS_FIRST, MINUTES_FIRST
 from calibrate.experiment.units import TIME, TIME_UNITS
 from mrjax import InputError
@@ -31,7 +31,7 @@ class Times(NamedTuple):
     """Form in which they are written: `min`, `hh:mm:ss`, `dates`."""
 
 
-def times(column: Sequence[Cell], head: Heading, sheet: CurveSheet, mark: str) -> Times:
+def times(column: Sequence[Cell], head: Heading, sheet: TimesSheet, mark: str) -> Times:
     """The times of a column, none of them empty.
 
     Args:
@@ -51,7 +51,7 @@ def times(column: Sequence[Cell], head: Heading, sheet: CurveSheet, mark: str) -
     return _of_numbers(column, head, sheet, mark)
 
 
-def _of_numbers(column: Sequence[Cell], head: Heading, sheet: CurveSheet, mark: str) -> Times:
+def _of_numbers(column: Sequence[Cell], head: Heading, sheet: TimesSheet, mark: str) -> Times:
     if sheet.start is not None:
         raise column[0].refuse("is a number; start is for dates and times of the day, take it away")
     of_header = TIME.named(head.unit)
@@ -91,7 +91,7 @@ def _agreed(first: Cell, of_header: str | None, stated: str | None) -> str | Non
     return of_header or stated
 
 
-def _of_clock(column: Sequence[Cell], head: Heading, sheet: CurveSheet) -> Times:
+def _of_clock(column: Sequence[Cell], head: Heading, sheet: TimesSheet) -> Times:
     minutes_first = head.unit in MINUTES_FIRST
     if head.unit and head.unit not in HOURS_FIRST | MINUTES_FIRST and TIME.named(head.unit) != "h":
         raise column[0].refuse(
@@ -115,7 +115,7 @@ def _of_clock(column: Sequence[Cell], head: Heading, sheet: CurveSheet) -> Times
     return Times(seconds, sheet.time_unit or _told_in(seconds), form)
 
 
-def _of_dates(column: Sequence[Cell], head: Heading, sheet: CurveSheet) -> Times:
+def _of_dates(column: Sequence[Cell], head: Heading, sheet: TimesSheet) -> Times:
     if sheet.date_format is None:
         if head.unit and TIME.named(head.unit) not in (None, "day"):
             raise column[0].refuse(
@@ -144,7 +144,7 @@ def _since(column: Sequence[Cell], seconds: list[float]) -> list[float]:
     return seconds
 
 
-def _start(stated: str | datetime | date | time, sheet: CurveSheet, at: Cell) -> datetime:
+def _start(stated: str | datetime | date | time, sheet: TimesSheet, at: Cell) -> datetime:
     """The stated start of a column of dates."""
     match stated:
         case datetime():

@@ -120,7 +120,7 @@ def _kind(found: VelocityLayout, sheet: VelocitiesSheet) -> str:
     """Kind of the concentrations, from the header or as stated."""
     column = found.concentration
     kind = kind_of(column.written)
-    if kind and sheet.concentration and not _alike(kind, sheet.concentration):
+    if kind and sheet.concentration and not concentrations.alike(kind, sheet.concentration):
         raise _contradiction(found, column, f"of {kind}", "concentration", sheet.concentration)
     kind = sheet.concentration or kind
     if kind is None:
@@ -129,12 +129,6 @@ def _kind(found: VelocityLayout, sheet: VelocitiesSheet) -> str:
             f"state concentration, one of {', '.join(concentrations.KINDS)}"
         )
     return kind
-
-
-def _alike(kind: str, stated: str) -> bool:
-    """True if two kinds are one: of g/L and kg/m3 the numbers are the same."""
-    first, second = concentrations.KINDS[kind], concentrations.KINDS[stated]
-    return first[:2] + first[3:] == second[:2] + second[3:]
 
 
 def _unit(found: VelocityLayout, sheet: VelocitiesSheet) -> VelocityUnit:

@@ -2,11 +2,10 @@
 
 from typing import Literal, NamedTuple, get_args
 
-from calibrate.experiment.readings import cells, vocabulary
-from calibrate.experiment.readings.columns import LOOKED_AT
+from calibrate.experiment.readings import vocabulary
 from calibrate.experiment.readings.concentrations import kind_of, names_a_concentration
+from calibrate.experiment.readings.header import header
 from calibrate.experiment.readings.headings import heading
-from calibrate.experiment.readings.rows import is_numbers
 from calibrate.experiment.readings.sheet import VelocitiesSheet
 from calibrate.experiment.readings.table import Row, Table
 from calibrate.experiment.velocity_units import VelocityUnit, parted
@@ -57,7 +56,7 @@ def layout(table: Table, sheet: VelocitiesSheet) -> VelocityLayout:
     Raises:
       InputError: a header without concentration or velocity, or that names two of them.
     """
-    row, rows = _header(table, sheet)
+    row, rows = header(table, _accepts)
     at = table.at(row or (table.rows[0] if table.rows else Row(1, [])))
     width = max((one.width for one in ([row] if row else rows[:1])), default=0)
     columns = [_column(place, row.cell(place) if row else "") for place in range(width)]
@@ -84,35 +83,6 @@ def layout(table: Table, sheet: VelocitiesSheet) -> VelocityLayout:
     others = [one for one in columns if one.place not in used and (one.written or row is None)]
     error = errors[0] if errors else None
     return VelocityLayout(concentrations[0], readings, error, others, width, rows, at)
-
-
-def _header(table: Table, sheet: VelocitiesSheet) -> tuple[Row | None, list[Row]]:
-    """The header, which may be the last comment, and the rows below it."""
-    beginning = table.rows[:LOOKED_AT]
-    for place, row in enumerate(beginning):
-        if not is_numbers(row) and _accepts(row):
-            below = table.rows[place + 1 :]
-            return (_with_units(row, below[0]), below[1:]) if _is_units(below) else (row, below)
-    first = next((place for place, row in enumerate(beginning) if is_numbers(row)), None)
-    if first is None:
-        return (table.rows[0] if table.rows else None), table.rows[1:]
-    if first:
-        return table.rows[first - 1], table.rows[first:]
-    comment = table.last_comment
-    alike = comment is not None and comment.width == table.rows[0].width
-    return (comment if comment and alike and _accepts(comment) else None), table.rows
-
-
-def _is_units(below: list[Row]) -> bool:
-    """True if the first row below a header has units and no numbers."""
-    return bool(below) and not any(cells.number(cell) for cell in below[0].cells)
-
-
-def _with_units(header: Row, units: Row) -> Row:
-    """A header with the units of a row of their own behind its names."""
-    words = [units.cell(place).strip("()[] ") for place in range(len(header.cells))]
-    both = zip(header.cells, words, strict=True)
-    return header._replace(cells=[f"{name} ({unit})" if unit else name for name, unit in both])
 
 
 def _accepts(row: Row) -> bool:

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from calibrate.experiment.sample import Concentration, Measurement, Scatter
+from calibrate.experiment.sample import Concentration, Measurement, Point, Scatter
 from calibrate.inference.runs import as_few_runs, runs_tests
 
 
@@ -36,12 +36,35 @@ def test_readings_are_taken_in_the_order_of_their_concentration():
 
     measurements = (Measurement("final_ratio", 0.5, 0.1, "1", 1.0), *map(velocity, (2, 0, 3, 1)))
     scatter = Scatter(0.1, 2.0, "fit")
-    sample = SimpleNamespace(name="A", measurements=measurements, curve=None, scatter=scatter)
+    sample = SimpleNamespace(
+        name="A", measurements=measurements, curve=None, scatter=scatter, concentrations=()
+    )
     problem = SimpleNamespace(experiment=SimpleNamespace(samples=[sample]))
     fit = SimpleNamespace(residuals=np.array([9.0, -1.0, 1.0, -1.0, 1.0]))
     (found,) = runs_tests(problem, fit)
     assert (found.sample, found.observable, found.readings) == ("A", "initial_velocity", 4)
     assert (found.runs, found.p_value) == (2, pytest.approx(2.0 / 6.0))
     assert runs_tests(SimpleNamespace(experiment=SimpleNamespace(
-        samples=[SimpleNamespace(name="A", measurements=(), curve=None, scatter=None)]
+        samples=[SimpleNamespace(
+            name="A", measurements=(), curve=None, scatter=None, concentrations=()
+        )]
     )), fit) == []  # fmt: skip
+
+
+def test_each_table_of_local_concentrations_has_its_runs():
+    """Two tables, read one after the other; the second states its errors."""
+
+    def reading(number, table):
+        at = Point(0.1, float(number), 0.01, number, table, "m", "s")
+        return Measurement("volume_fraction", 0.3, 0.1, "1", 1.0, point=at)
+
+    tables = [SimpleNamespace(name="low", scatter=Scatter(0.1, 3.0, "fit"))]
+    tables.append(SimpleNamespace(name="high", scatter=None))
+    measurements = tuple(reading(place, "low" if place < 4 else "high") for place in range(6))
+    sample = SimpleNamespace(
+        name="A", measurements=measurements, curve=None, scatter=None, concentrations=tables
+    )
+    problem = SimpleNamespace(experiment=SimpleNamespace(samples=[sample]))
+    fit = SimpleNamespace(residuals=np.array([-1.0, -1.0, 1.0, 1.0, -1.0, 1.0]))
+    (found,) = runs_tests(problem, fit)
+    assert (found.sample, found.observable, found.readings, found.runs) == ("A", "low", 4, 2)

@@ -1,0 +1,101 @@
+"""Concentrations at a height or at a time, as measurements."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from calibrate.experiment.readings import concentrations, local_concentrations
+from calibrate.experiment.readings.local_concentrations import LocalConcentrations
+from calibrate.experiment.readings.sheet import LocalSheet
+from calibrate.experiment.repeats import BEFORE_THE_FIT, LEAST_SCATTER, scatter_of_repeats
+from calibrate.experiment.sample import LocalTable, Measurement, Point, Scatter
+from calibrate.experiment.units import RATIO_UNITS, TIME_UNITS
+from mrjax import InputError, Recipe
+
+THICKNESS = 0.01
+"""Default thickness of the layer that a reading averages over, as a share of the height."""
+
+
+def read_all(
+    sheets: Sequence[LocalSheet], folder: Path, recipe: Recipe, height: float
+) -> tuple[list[LocalTable], list[Measurement]]:
+    """The tables of a sample, and their readings.
+
+    Args:
+      sheets: the files, and what is stated of each.
+      folder: that of the experiment file.
+      recipe: densities that give volume fractions.
+      height: of the suspension, m.
+
+    Raises:
+      InputError: a file that cannot be used, or a height above that of the suspension.
+    """
+    tables: list[LocalTable] = []
+    measurements: list[Measurement] = []
+    for sheet in sheets:
+        name = _name(sheet, (one.name for one in tables))
+        found = _read(sheet, folder, recipe, height)
+        tables.append(LocalTable(name, found.unit, found.understood, _scatter(found, recipe)))
+        measurements += _measurements(sheet, found, tables[-1], len(measurements))
+    return tables, measurements
+
+
+def _name(sheet: LocalSheet, taken: Iterable[str]) -> str:
+    """A name of one table, with a number where another has its place."""
+    what = "concentration" if sheet.height is not None else "profile"
+    name = f"{what} {local_concentrations.said_place(sheet)}"
+    alike = sum(one.split(", table")[0] == name for one in taken)
+    return f"{name}, table {alike + 1}" if alike else name
+
+
+def _read(sheet: LocalSheet, folder: Path, recipe: Recipe, height: float) -> LocalConcentrations:
+    for key, value in (("height", sheet.height), ("thickness", sheet.thickness)):
+        if value is not None and value > height:
+            raise InputError(
+                f"concentration.{key} = {value:g} m is above the height of the suspension, "
+                f"{height:g} m; mend one"
+            )
+
+    def fraction(kind: str, value: float) -> float:
+        return concentrations.local_fraction(kind, value, recipe)
+
+    thickness = _thickness(sheet, height)
+    return local_concentrations.read(sheet, folder, fraction, height, thickness)
+
+
+def _thickness(sheet: LocalSheet, height: float) -> float:
+    return THICKNESS * height if sheet.thickness is None else sheet.thickness
+
+
+def _scatter(found: LocalConcentrations, recipe: Recipe) -> Scatter | None:
+    """The scatter of a table in its unit: of repeats, or one to begin with; None if stated."""
+    if found.understood.errors == "stated":
+        return None
+    size = recipe.volume_fraction / RATIO_UNITS[found.unit]
+    values = [one.value / RATIO_UNITS[found.unit] for one in found.readings]
+    repeated = scatter_of_repeats([one.at for one in found.readings], values, relative=False)
+    if repeated is None:
+        return Scatter(BEFORE_THE_FIT * size, 0.0, "assumed")
+    return repeated._replace(value=max(repeated.value, LEAST_SCATTER * size))
+
+
+def _measurements(
+    sheet: LocalSheet, found: LocalConcentrations, table: LocalTable, first: int
+) -> list[Measurement]:
+    """The readings of a table; the first of them has a place among those of its sample."""
+    si = RATIO_UNITS[found.unit]
+    thickness = found.understood.thickness
+    measurements = []
+    for place, one in enumerate(found.readings, start=first):
+        if sheet.height is not None:
+            point = Point(sheet.height, one.at, thickness, place, table.name, "m", found.axis.unit)
+        else:
+            unit = sheet.time_unit or "s"
+            time = (sheet.time or 0.0) * TIME_UNITS[unit]
+            point = Point(one.at, time, thickness, place, table.name, found.axis.unit, unit)
+        error = one.error / si if table.scatter is None else table.scatter.value
+        measurements.append(
+            Measurement(
+                "volume_fraction", one.value / si, error, found.unit, si, row=one.row, point=point
+            )
+        )
+    return measurements

@@ -1,0 +1,351 @@
+"""A table of concentrations at a height by time, or at a time by height, as numbers with units.
+
+    time (min),c (g/L)          height (cm),phi
+    0,250                       1,0.31
+    5,248                       2,0.24
+
+Numbers are volume fractions of the particles without their coating, whatever the file has.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+from calibrate.experiment.readings import cells, concentrations, decimals, rows
+from calibrate.experiment.readings.cells import Cell
+from calibrate.experiment.readings.columns import Column
+from calibrate.experiment.readings.concentrations import kind_of
+from calibrate.experiment.readings.headings import RATIO_OF_SYMBOLS
+from calibrate.experiment.readings.local_columns import FROM_ABOVE, LocalLayout, layout
+from calibrate.experiment.readings.local_understood import LocalUnderstood
+from calibrate.experiment.readings.points import with_date
+from calibrate.experiment.readings.sheet import LocalSheet
+from calibrate.experiment.readings.table import (
+    Row,
+    Table,
+    only_table,
+    refuse_some_errors,
+    refuse_wider,
+)
+from calibrate.experiment.readings.times import times
+from calibrate.experiment.units import HEIGHT_UNITS, LEVEL, RATIO_UNITS, TIME_UNITS
+from mrjax import InputError
+from mrjax.core.errors import shown
+
+FEWEST = 2
+"""Readings of a table."""
+STEP = 1e-6
+"""Of the largest concentration: its difference gives the error of a volume fraction."""
+
+
+class Written(NamedTuple):
+    """One reading, as it is written."""
+
+    row: Row
+    axis: Cell
+    value: Cell
+    error: Cell | None
+
+
+class Axis(NamedTuple):
+    """Times or heights of readings, (N,)."""
+
+    values: list[float]
+    """In s, or in m."""
+    unit: str
+    """The unit in which a person tells them."""
+    si: float
+    """That unit in s or m."""
+    form: str
+    """Form in which they are written: a unit, `as hh:mm`, `as dates`."""
+
+
+class LocalConcentration(NamedTuple):
+    """One reading."""
+
+    at: float
+    """Time in s, or height in m."""
+    value: float
+    """Volume fraction of the uncoated particles; 1."""
+    error: float
+    """Its standard deviation; NaN where none is stated."""
+    row: int
+    """Number of the row in the file."""
+
+
+class LocalConcentrations(NamedTuple):
+    """A table of local concentrations, by time or height."""
+
+    readings: list[LocalConcentration]
+    axis: Axis
+    unit: str
+    """Unit in which volume fractions are told: `1` or `%`."""
+    understood: LocalUnderstood
+
+
+def read(
+    sheet: LocalSheet,
+    folder: Path,
+    fraction: Callable[[str, float], float],
+    height: float,
+    thickness: float,
+) -> LocalConcentrations:
+    """The concentrations of a file, every number checked.
+
+    Args:
+      sheet: the file, and what is stated of it.
+      folder: that of the experiment file, from which paths are.
+      fraction: the volume fraction of a concentration of a kind.
+      height: of the suspension, m.
+      thickness: of the layer that a reading averages over, m.
+
+    Raises:
+      InputError: the file, its header or a row cannot be used: the file, the line and the remedy.
+    """
+    table = only_table(
+        rows.tables(sheet, folder),
+        lambda one: bool(layout(one, sheet).rows),
+        folder / sheet.file,
+        "several sheets of concentrations",
+        "no sheet with concentrations",
+    )
+    found = layout(table, sheet)
+    kind = _kind(found, sheet)
+    written, left_out = _written(table, found)
+    every = [cell for one in written for cell in one[1:] if isinstance(cell, Cell)]
+    mark = decimals.decimal_mark(every, table.delimiter, sheet.decimal)
+    axis = _axis(written, found, sheet, mark, height)
+    if min(axis.values) == max(axis.values):
+        which = "height" if sheet.height is None else "time"
+        raise InputError(f"{table.path}: has readings at one {which} alone; give a second")
+    values = [_not_negative(one.value, mark) for one in written]
+    errors = _errors(written, found, sheet, kind, mark)
+    step = STEP * (max(values) or 1.0)
+    readings = []
+    for one, at, value, error in zip(written, axis.values, values, errors, strict=True):
+        try:
+            share = fraction(kind, value)
+            lower = value - step if value > step else value + step
+            slope = abs((fraction(kind, lower) - share) / step)
+        except InputError as refusal:
+            raise InputError(f"{one.value.at}: {refusal}") from None
+        readings.append(LocalConcentration(at, share, error * slope, one.row.number))
+    readings.sort(key=lambda one: one.at)
+    unit = "%" if kind == "volume percent" else "1"
+    understood = _understood(sheet, table, found, readings, axis, kind, unit, thickness)
+    marked = understood.read_as | ({"decimal": "decimal commas"} if mark == "," else {})
+    understood = replace(understood, read_as=marked, left_out=tuple(left_out))
+    return LocalConcentrations(readings, axis, unit, understood)
+
+
+def _kind(found: LocalLayout, sheet: LocalSheet) -> str:
+    """Kind of the concentrations, from the header or as stated."""
+    kinds = {kind_of(one.heading.written) for one in found.concentrations} - {None}
+    column = shown(found.concentrations[0].named)
+    if len(kinds) > 1:
+        raise InputError(
+            f"{found.at}: columns of concentrations are of {' and '.join(sorted(map(str, kinds)))}"
+            "; state columns of one kind"
+        )
+    kind = kinds.pop() if kinds else None
+    if kind and sheet.concentration and not concentrations.alike(kind, sheet.concentration):
+        raise InputError(
+            f"{found.at}: column {column} is of {kind}, and concentration = "
+            f"{shown(sheet.concentration)} is stated; mend the header, or take concentration away"
+        )
+    kind = sheet.concentration or kind
+    if kind is None:
+        raise InputError(
+            f"{found.at}: column {column} does not say what its concentrations are; state "
+            f"concentration, one of {', '.join(concentrations.KINDS)}"
+        )
+    return kind
+
+
+def _written(table: Table, found: LocalLayout) -> tuple[list[Written], list[int]]:
+    """The readings of a table, one for each repeat, and the numbers of rows without one."""
+    every: list[Written] = []
+    left_out: list[int] = []
+    date = ""
+    for row in found.rows:
+        at = table.at(row)
+        refuse_wider(at, row, found.width)
+        if found.date:
+            date = row.cell(found.date.place) or date  # one cell for all rows of a day
+        axis = with_date(_cell(at, row, found.axis), date)
+        values = [_cell(at, row, one) for one in found.concentrations]
+        values = [one for one in values if not cells.is_missing(one.text)]
+        if cells.is_missing(axis.text) or not values:
+            left_out.append(row.number)
+            continue
+        error = _cell(at, row, found.error) if found.error else None
+        error = None if error is None or cells.is_missing(error.text) else error
+        every += [Written(row, axis, one, error) for one in values]
+    if len(every) < FEWEST:
+        raise InputError(
+            f"{table.path}: has {len(every)} rows of numbers; give at least {FEWEST} with a "
+            f"{found.axis.role} and a concentration"
+        )
+    return every, left_out
+
+
+def _cell(at: str, row: Row, column: Column) -> Cell:
+    return Cell(at, column.role, row.cell(column.place))
+
+
+def _axis(
+    written: list[Written], found: LocalLayout, sheet: LocalSheet, mark: str, height: float
+) -> Axis:
+    """The times or the heights of a table."""
+    column = [one.axis for one in written]
+    if sheet.height is None:
+        return _heights(column, found, sheet, mark, height)
+    head = found.axis.heading
+    if found.date is not None:
+        head = head._replace(name="time of day")
+    when = times(column, head, sheet, mark)
+    form = when.form if when.form == when.unit else f"as {when.form}"
+    return Axis(when.seconds, when.unit, TIME_UNITS[when.unit], form)
+
+
+def _heights(
+    column: list[Cell], found: LocalLayout, sheet: LocalSheet, mark: str, height: float
+) -> Axis:
+    unit = _unit_of_heights(found, sheet)
+    si = HEIGHT_UNITS[unit] if unit in HEIGHT_UNITS else RATIO_UNITS[unit] * height
+    heights = []
+    for cell in column:
+        number = cells.number(cell.text)
+        if number is None:
+            raise cells.not_a_number(cell)
+        if number.unit and LEVEL.named(number.unit) != unit:
+            raise cell.refuse(f"is not in {unit}, the unit of its column; mend one")
+        value = cells.value(cell, number.written, mark)
+        if not 0.0 <= value * si <= height * (1.0 + 1e-9):
+            raise InputError(
+                f"{cell.at}: height = {cell.text} is {value * si:.4g} m, not between the floor and "
+                f"the height of the suspension, {height:g} m; mend the row, its unit or height"
+            )
+        heights.append(value * si)
+    told = unit if unit in HEIGHT_UNITS else "m"
+    return Axis(heights, told, HEIGHT_UNITS[told], f"in {unit}" if told != unit else unit)
+
+
+def _unit_of_heights(found: LocalLayout, sheet: LocalSheet) -> str:
+    """The unit of the heights: of the header, or as stated."""
+    head, column = found.axis.heading, shown(found.axis.named)
+    if head.words & FROM_ABOVE:
+        raise InputError(
+            f"{found.at}: column {column} is told from above; give heights from the floor"
+        )
+    unit = LEVEL.named(head.unit) if head.unit else None
+    if RATIO_OF_SYMBOLS.fullmatch(head.written.casefold().strip()):
+        unit = "1"
+    elif head.unit and head.explicit and unit is None:
+        raise InputError(
+            f"{found.at}: column {column} is in {shown(head.unit)}, which is no unit of a height; "
+            f"give one of {', '.join(LEVEL.units)}, or state columns"
+        )
+    if unit and sheet.height_unit and unit != sheet.height_unit:
+        raise InputError(
+            f"{found.at}: column {column} is in {unit}, and height_unit = "
+            f"{shown(sheet.height_unit)} is stated; mend the header, or take height_unit away"
+        )
+    unit = unit or sheet.height_unit
+    if unit is None:
+        raise InputError(
+            f"{found.at}: column {column} has no unit; write it into the header, as in "
+            f'"height (cm)", or give height_unit, one of {", ".join(LEVEL.units)}'
+        )
+    return unit
+
+
+def _errors(
+    written: list[Written], found: LocalLayout, sheet: LocalSheet, kind: str, mark: str
+) -> list[float]:
+    """Standard deviations in the unit of the concentrations; NaN where none is given."""
+    if found.error is not None:
+        own = kind_of(found.error.heading.written)
+        other = own is not None and not concentrations.alike(own, kind)
+        if other or (found.error.heading.unit == "%" and "percent" not in kind):
+            raise InputError(
+                f"{found.at}: column {shown(found.error.named)} is not in the unit of the "
+                f"concentrations, {kind}; give errors in that"
+            )
+    stated = math.nan if sheet.standard_deviation is None else sheet.standard_deviation
+    errors = [_number(one.error, mark) if one.error else stated for one in written]
+    for one, error in zip(written, errors, strict=True):
+        if error <= 0.0:
+            raise InputError(
+                f"{one.value.at}: standard_deviation = {error:g} must be above zero; give the "
+                "error of the reading"
+            )
+    refuse_some_errors(errors, [one.value.at for one in written])
+    return errors
+
+
+def _not_negative(cell: Cell, mark: str) -> float:
+    value = _number(cell, mark)
+    if value < 0.0:
+        raise InputError(f"{cell.at}: concentration = {value:g} is negative; mend the row")
+    return value
+
+
+def _number(cell: Cell, mark: str) -> float:
+    number = cells.number(cell.text)
+    if number is None:
+        raise cells.not_a_number(cell)
+    if number.unit and number.unit != "%":
+        raise cell.refuse("has a unit behind it; write it into the header")
+    return cells.value(cell, number.written, mark)
+
+
+def _understood(
+    sheet: LocalSheet,
+    table: Table,
+    found: LocalLayout,
+    readings: list[LocalConcentration],
+    axis: Axis,
+    kind: str,
+    unit: str,
+    thickness: float,
+) -> LocalUnderstood:
+    """Record of how the file was read; its readings are in the order of the axis."""
+    which = "time" if sheet.height is not None else "height"
+    ends = [
+        (one.at / axis.si, one.value / RATIO_UNITS[unit]) for one in readings[:: len(readings) - 1]
+    ]
+    errors = [one.error / RATIO_UNITS[unit] for one in readings]
+    estimated = any(map(math.isnan, errors))
+    names = [one for one in (found.date, found.axis) if one]
+    return LocalUnderstood(
+        file=sheet.file,
+        read_as=table.facts,
+        columns={
+            which: " and ".join(shown(one.named) for one in names),
+            "concentration": " and ".join(shown(one.named) for one in found.concentrations),
+        },
+        at=said_place(sheet),
+        thickness=thickness,
+        axis=which,
+        axis_form=axis.form,
+        axis_unit=axis.unit,
+        concentration=kind,
+        unit=unit,
+        readings=len(readings),
+        first=ends[0],
+        last=ends[-1],
+        errors="estimated" if estimated else "stated",
+        standard_deviation=None if estimated else (min(errors), max(errors)),
+        ignored_columns=tuple(one.named for one in found.others),
+        row_word=table.word,
+    )
+
+
+def said_place(sheet: LocalSheet) -> str:
+    """The stated height or time in words."""
+    if sheet.height is not None:
+        return f"at height {sheet.height:g} m"
+    return f"at time {sheet.time:g} {sheet.time_unit or 's'}"
