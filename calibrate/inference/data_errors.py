@@ -125,7 +125,7 @@ def _end(fit: Fit, best: Valley, direction: np.ndarray, way: float, level: float
             step = min(FARTHER * step, at * (1.0 / max(root, 1e-9) - 1.0))
         else:
             if step < NEAR * at:
-                return at  # a wall
+                return at if _by_data(fit, best.logs, there.logs, direction) else np.inf  # a wall
             # What rises so much may be no valley: a step that was too long left it.
             step *= (1.0 - inner[1]) / (root - inner[1]) if root < TOO_FAR else TOO_LONG
     return np.inf

@@ -103,11 +103,22 @@ def test_errors_are_scaled_where_the_data_do_not_fit():
     assert found.data_standard_errors["a"] == near(0.05 * found.error_scale, rel=1e-6)
 
 
-def test_a_bound_that_hardly_matters_is_no_end():
+@pytest.mark.parametrize("error", [0.05, 0.001])
+def test_a_bound_that_hardly_matters_is_no_end(error):
     """a * b^0.05 of which b is between bounds: a is known to a twentieth of how far b may be."""
 
     def residuals(theta):
-        return (jnp.log(theta["a"]) + 0.05 * jnp.log(theta["b"]))[None] / 0.001
+        return (jnp.log(theta["a"]) + 0.05 * jnp.log(theta["b"]))[None] / error
 
     found = errors_of(residuals, dict(a=1.0, b=1.0), [np.eye(2)[0]], bounds={"b": (1 / 55, 55)})
-    assert found[0] == near(0.05 * np.log(55.0) + 0.001, rel=NEAR)
+    assert found[0] == near(0.05 * np.log(55.0) + error, rel=NEAR)
+
+
+def test_a_bound_like_a_wall_is_no_data_either():
+    """The product of a and b, read a million times better than b is bounded."""
+
+    def residuals(theta):
+        return jnp.log(theta["a"] * theta["b"])[None] / 1e-7
+
+    found = errors_of(residuals, dict(a=1.0, b=1.0), [np.eye(2)[0]], bounds={"b": (0.5, 2.0)})
+    assert found[0] == np.inf
