@@ -42,6 +42,10 @@ SAID = {
         "The data narrow what the prior says of {}, and do not determine it.",
         "The data narrow what the priors say of {}, and do not determine them.",
     ),
+    "told_together": (
+        "The data tell of {} in a combination alone: the prior parts it from the others there.",
+        "The data tell of {} in combinations alone: the priors part them from each other.",
+    ),
     "bounded_on_one_side": (
         "The data bound {} on one side alone: the other is the prior's, or a bound of physics.",
         "The data bound each of {} on one side alone: the other is the prior's, or a bound of "
