@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from calibrate.experiment.experiment import Experiment
+from calibrate.inference.identify import identify
 from calibrate.least_squares.unknowns import unknowns
 from calibrate.problem.beginnings import beginnings
 from calibrate.problem.initial_slope import initial_slope, with_initial_slopes
@@ -116,6 +117,10 @@ def test_a_column_ends_in_the_better_valley_and_tells_of_the_other(chalk, change
     assert fit.converged and fit.chi_squared < BETTER
     assert fit.model_runs < 20
     assert len(fit.optima) > 1
+    # A bed that no reading has met is as good, beside such a misfit: chi-squared 104.3 of 89.7.
+    said = identify(fit)
+    assert not said.determined["bed_fraction"] and said.determined["f_w.exponent"]
+    assert said.data_standard_errors["bed_fraction"] > 0.2
     if changes:
         assert any(other.chi_squared == pytest.approx(409.3, abs=0.1) for other in fit.optima)
 
