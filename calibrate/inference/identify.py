@@ -10,6 +10,7 @@ say where on it to be.
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.special import chdtrc
 
 from calibrate.inference.curvature import RANK_TOLERANCE, UNKNOWN, standard_errors
 from calibrate.inference.data_errors import data_errors
@@ -23,6 +24,8 @@ LARGEST_CHI_SQUARED = 4.0
 """Of a degree of freedom, two standard deviations each: beyond it a fit is called a misfit."""
 NOT_EXCLUDED = 3.84
 """Rise of chi-squared up to which the data exclude no other optimum, in 95 % of cases."""
+BY_CHANCE = 1e-3
+"""p-value from which a large chi-squared of few degrees of freedom is chance."""
 WITHOUT_PRIOR = 0.5
 """Largest error of a logarithm by the data alone of what is determined and has no prior."""
 
@@ -144,7 +147,10 @@ def identify(fit: Fit) -> Identification:
 
 def _error_scale(fit: Fit, rank: int) -> float:
     """By what errors are too small where the data contradict the model; else 1."""
-    reduced = fit.chi_squared / max(1, fit.residuals.size - rank)
+    free = fit.residuals.size - rank
+    if free < 1 or chdtrc(free, fit.chi_squared) > BY_CHANCE:
+        return 1.0
+    reduced = fit.chi_squared / free
     return float(reduced**0.5) if reduced > LARGEST_CHI_SQUARED else 1.0
 
 

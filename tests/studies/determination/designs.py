@@ -72,8 +72,12 @@ SETS_OF_PARAMETERS = (
 )
 
 
+OF_PARTICLES = Design("particles", ("f_s", "f_v"), 0.5, 0.2, "fall", 1, 0.1, True, 1)
+"""Simulated particles, of which the initial velocity is read."""
+
+
 def designs(number: int, seed: int = 0) -> list[Design]:
-    """So many designs, three fifths of the closed form and the others of the column."""
+    """So many designs, three fifths of the closed form and the others of the column; one more."""
     random = np.random.default_rng(seed)
     drawn = []
     for place in range(number):
@@ -91,7 +95,7 @@ def designs(number: int, seed: int = 0) -> list[Design]:
                 samples=int(random.choice([1, 1, 2])),
             )
         )
-    return drawn
+    return [*drawn, OF_PARTICLES]
 
 
 def experiment(design: Design, folder: Path) -> Experiment:
@@ -102,7 +106,9 @@ def experiment(design: Design, folder: Path) -> Experiment:
       folder: an empty one, for its files.
     """
     lines = [f'name = "{design.name}"']
-    for number in range(design.samples):
+    if design.model == "particles":
+        lines += _of_particles(design)
+    for number in range(0 if design.model == "particles" else design.samples):
         fraction = design.fraction * (1.0 + 0.8 * number)
         (folder / f"{number}.toml").write_text(
             RECIPE.format(fraction=fraction, exponent=MEDIANS["f_w.exponent"])
@@ -127,3 +133,13 @@ def experiment(design: Design, folder: Path) -> Experiment:
         )
     (folder / "experiment.toml").write_text("\n".join(lines))
     return Experiment.load(folder / "experiment.toml")
+
+
+def _of_particles(design: Design) -> list[str]:
+    """The sample of the bundled recipe `case2` whose initial velocity is read, in mm/day."""
+    speed = 10.0  # about
+    velocity = f'{{value = {speed}, unit = "mm/day", standard_deviation = {design.error * speed}}}'
+    return [
+        f'[[sample]]\nname = "0"\nrecipe = "case2"\ninitial_velocity = {velocity}',
+        "viscosity_ratio = {value = 1.5, standard_deviation = 0.15}",
+    ]

@@ -3,6 +3,7 @@
 import csv
 import tempfile
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,19 +29,25 @@ def measured(numbers: range, each: int = EACH) -> list[dict]:
     rows = []
     every = designs(DESIGNS, SEED)
     for number in numbers:
+        design = every[number]
         with tempfile.TemporaryDirectory() as folder:
-            problem = Problem.prepare(experiment(every[number], Path(folder)), every[number].model)
-        rows += _of_design(number, every[number], problem, each)
+            loaded = experiment(design, Path(folder))
+        problem = Problem.prepare(loaded, design.model)
+        cheap = problem if problem.everywhere else Problem.prepare(loaded, "closed-form")
+        rows += _of_design(number, design, problem, cheap, each)
     return rows
 
 
-def _of_design(number: int, design: Design, problem: Problem, each: int) -> list[dict]:
+def _of_design(
+    number: int, design: Design, problem: Problem, cheap: Problem, each: int
+) -> list[dict]:
     """Lines for the problems of one design, which share their compiled programs."""
-    by_reference, rows, residuals = reference(problem), [], problem.residuals
+    by_reference, rows = reference(problem), []
+    residuals = problem.residuals, cheap.residuals
     for place in range(each):
         random = np.random.default_rng([SEED, number, place])
         truth, data = _drawn(problem, by_reference, random)
-        found = _fitted(problem, residuals, data)
+        found = _fitted(problem, cheap, residuals, data)
         known = {
             "design": number,
             "what": design.name,
@@ -70,8 +77,16 @@ def _drawn(
             return truth, exact + problem.errors * random.standard_normal(exact.size)
 
 
-def _fitted(problem: Problem, residuals, data: np.ndarray) -> Fit:
-    """As `fit_experiment` fits, with readings as data, so that problems share their programs."""
+def _fitted(
+    problem: Problem, cheap: Problem, residuals: tuple[Callable, Callable], data: np.ndarray
+) -> Fit:
+    """As `fit_experiment` fits, with readings as data, so that problems share their programs.
+
+    Args:
+      problem, cheap: the model, and that of searches.
+      residuals: those of both, the same objects for all problems.
+      data: readings, (M,).
+    """
     places = iter(data)
     samples = tuple(
         replace(
@@ -82,12 +97,10 @@ def _fitted(problem: Problem, residuals, data: np.ndarray) -> Fit:
         )
         for sample in problem.experiment.samples
     )
-    read = replace(problem, experiment=replace(problem.experiment, samples=samples))
-    first, *also = begin(read, residuals, 0, data=data, finished=True).promising
-    return fit(
-        residuals, OrderedDict(first), also=also, data=data, priors=problem.priors,
-        bounds=problem.bounds,
-    )  # fmt: skip
+    read = replace(cheap, experiment=replace(problem.experiment, samples=samples))
+    first, *also = begin(read, residuals[1], 0, data=data).promising
+    common = dict(data=data, priors=problem.priors, bounds=problem.bounds)
+    return fit(residuals[0], OrderedDict(first), also=also, **common)
 
 
 def _of_values(

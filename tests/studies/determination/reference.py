@@ -15,14 +15,14 @@ from calibrate.problem.problem import Problem
 
 WIDE = 5.0
 """Half-width of the grid, in standard deviations of the priors."""
-DENSE = {2: 161, 3: 41}
-"""Values of each parameter in the grid, by how many there are."""
-DISTANCES = np.array([0.05, 0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.5, 0.7, 1.0])
+DENSE, OF_PARTICLES = {2: 161, 3: 41}, 21
+"""Values of each parameter in the grid, by how many there are; of a model that takes long."""
+DISTANCES = np.array([0.1, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.6])
 """From the optimum of the data, in standard deviations of the prior, at which a value is held; an
 interval that is wider has no end here."""
 FINISHED = 2
 """Best places of the grid, beside a held value, that are finished by scipy."""
-STARTS, FINISHED_STARTS = 200, 12
+STARTS, FINISHED_STARTS = 200, 8
 """Draws from the priors, which join the grid, and the best of all that are finished."""
 
 
@@ -68,9 +68,8 @@ class Reference(NamedTuple):
         """Half the interval of one value about the optimum of the data."""
         loss, optimum = best
         others = [other for other in range(self.width.size) if other != place]
-        spacing = (self.grid[:, place].max() - self.grid[:, place].min()) / (
-            DENSE[self.width.size] - 1
-        )
+        values = np.unique(self.grid[:, place])
+        spacing = (values[-1] - values[0]) / (values.size - 1)
         ends = []
         for way in (-1.0, 1.0):
             last, near = optimum, (0.0, 0.0)
@@ -95,6 +94,8 @@ class Reference(NamedTuple):
                     break
                 near = distance, root
             ends.append(end)
+            if not np.isfinite(end):
+                break
         return 0.5 * sum(ends)
 
     def best(self, data: np.ndarray, truth: np.ndarray, random: np.random.Generator) -> float:
@@ -145,7 +146,7 @@ class Reference(NamedTuple):
 
         enough = data.size + with_prior.size >= len(free)
         method = "lm" if enough else "trf"  # MINPACK's, which knows no bounds, and is fast
-        end = least_squares(residuals, start[free], slopes, method=method, max_nfev=40)
+        end = least_squares(residuals, start[free], slopes, method=method, max_nfev=25)
         return 2.0 * float(end.cost), whole(end.x)
 
 
@@ -161,10 +162,11 @@ def reference(problem: Problem) -> Reference:
         return problem.predict(dict(zip(names, jnp.exp(logs), strict=True)))
 
     predict, slopes = jax.jit(predicted), jax.jit(jax.jacfwd(predicted))
+    number = DENSE[len(names)] if problem.everywhere else OF_PARTICLES
     at_once = jax.jit(lambda places: jax.lax.map(predicted, places, batch_size=256))
     low = np.maximum(middle - WIDE * width, lower + 1e-6)
     high = np.minimum(middle + WIDE * width, upper - 1e-6)
-    axes = [np.linspace(low[place], high[place], DENSE[len(names)]) for place in range(len(names))]
+    axes = [np.linspace(low[place], high[place], number) for place in range(len(names))]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(names))
     predictions = np.asarray(at_once(grid))
     return Reference(
