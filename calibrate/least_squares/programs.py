@@ -153,6 +153,15 @@ def over_starts(function: Callable, starts: int) -> Callable:
     return over_all
 
 
+@lru_cache(maxsize=16)
+def side_by_side(linearised: Callable) -> Callable:
+    """The program of a cheap model at many places, (S, P), and with what is given for all of them.
+
+    Compiled once for all searches that share `linearised`.
+    """
+    return watched(jax.jit(jax.vmap(linearised, in_axes=(0, None))))
+
+
 def one_by_one(function: Callable) -> Callable:
     """A compiled function over the same axis, not mapped: a forward model may be slower so."""
 

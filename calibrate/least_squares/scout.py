@@ -11,11 +11,12 @@ from calibrate.least_squares.interruptible import stoppable
 from calibrate.least_squares.levenberg import Point, minimise
 from calibrate.least_squares.optima import Optimum, distinct, optimum
 from calibrate.least_squares.programs import (
-    AT_ONCE,
+    Given,
+    Programs,
     count_residuals,
     given_with,
-    over_starts,
     prepared,
+    side_by_side,
 )
 from calibrate.least_squares.unknowns import Unknowns
 from mrjax.core.promotion import relaxed_promotion
@@ -25,6 +26,8 @@ DRAWN = 128
 BEST, FIRST = 16, 31
 """Places from which an optimum is looked for: the best, which may all be of one valley, and the
 first, which are all over."""
+AT_ONCE = 32
+"""Places that are looked at side by side."""
 MOST_STEPS = 40
 """On the way to it."""
 
@@ -50,7 +53,7 @@ def scout(
     given = given_with(unknown, data)
     with stoppable(), relaxed_promotion():
         count = count_residuals(programs, places[0], given) - len(unknown.with_prior)
-        at = _together(lambda logs: programs.linearised(logs, given))
+        at = _together(programs, given)
         points = at(list(places))
         best = sorted(points[1 + FIRST :], key=lambda one: one.loss)[:BEST]
         begun = [one for one in (*points[: 1 + FIRST], *best) if one.finite]
@@ -59,18 +62,19 @@ def scout(
         return [optimum(end, count, finished=False) for end in found]
 
 
-def _together(linearised: Callable) -> Callable[[list[np.ndarray]], list[Point]]:
+def _together(programs: Programs, given: Given) -> Callable[[list[np.ndarray]], list[Point]]:
     """Residuals and slopes at any number of places, by one program for some at a time."""
-    some = over_starts(linearised, AT_ONCE)
+    some = side_by_side(programs.linearised)
 
     def at(places: list[np.ndarray]) -> list[Point]:
         points = []
         for first in range(0, len(places), AT_ONCE):
             asked = places[first : first + AT_ONCE]
             filled = np.stack([*asked, *[asked[-1]] * (AT_ONCE - len(asked))])
+            found = map(np.asarray, some(filled, given))
             points += [
                 Point(half_square(value), logs, jacobian, value)
-                for logs, jacobian, value in zip(asked, *some(filled), strict=False)
+                for logs, jacobian, value in zip(asked, *found, strict=False)
             ]
         return points
 

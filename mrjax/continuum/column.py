@@ -60,7 +60,8 @@ def column(
         in the last f dz/dt before which the bed's permeability falls to zero: that changes how fast
         it consolidates, not the end.
       cells: C, of equal height.
-      steps: equal ones to the last of the times; left out, `column_steps`.
+      steps: equal ones to the last of the times, or to the one from which a rigid bed has long been
+        at rest; left out, `column_steps`.
 
     Raises:
       InputError: an argument that cannot be used, too few steps (plain calls), or a traced one
