@@ -75,7 +75,7 @@ def read(
         "no sheet with a time and a mudline",
     )
     layout = columns.layout(table, sheet.columns, sheet.time_unit, sheet.unit)
-    columns.refuse_several_samples(table, layout)
+    columns.refuse_several_samples(table, layout.others, layout.rows)
     written = points(table, layout, sheet.date_format)
     cells = [cell for point in written.points for cell in (point.time, point.reading, point.error)]
     mark = decimals.decimal_mark(filter(None, cells), table.delimiter, sheet.decimal)

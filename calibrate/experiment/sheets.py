@@ -80,7 +80,7 @@ class SampleSheet(Sheet):
     concentration: list[LocalSheet] = Field(
         default=[],
         max_length=MOST,
-        description="tables with file and height or time: concentrations in the tube",
+        description="one [[sample.concentration]] for each, with file and height or time",
     )
     viscosity_ratio: ViscosityRatio | None = Field(
         default=None, description="a table with value and standard_deviation"

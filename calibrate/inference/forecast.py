@@ -44,9 +44,9 @@ class Forecast:
 
     Both in the unit of the measurement."""
     time: float | None = None
-    """Time of a point of a curve, s."""
+    """Time of a reading of a curve, or of a concentration at a height, s."""
     time_unit: str = "s"
-    """Unit of time of the sample's file."""
+    """Unit of time of its file."""
 
     @property
     def off(self) -> float:
@@ -93,15 +93,17 @@ def forecast(
     unbounded = (np.abs(slopes @ open_ends) > RANK_TOLERANCE**0.5 * size).any(axis=1)
     errors[unbounded] = np.inf
     return [
-        Forecast(sample.name, one, value, error, _time(sample, one), sample.time_unit)
+        Forecast(sample.name, one, value, error, *_time(sample, one))
         for one, value, error in zip(sample.measurements, values, errors, strict=True)
     ]
 
 
-def _time(sample: Sample, measurement: Measurement) -> float | None:
+def _time(sample: Sample, measurement: Measurement) -> tuple[float | None, str]:
+    """The time of a reading in s, None of what has none, and the unit in which it is told."""
     if measurement.point is not None:
-        return measurement.point.time
-    return None if measurement.place is None else sample.times[measurement.place]
+        return measurement.point.time, measurement.point.time_unit
+    time = None if measurement.place is None else sample.times[measurement.place]
+    return time, sample.time_unit
 
 
 def leave_one_out(

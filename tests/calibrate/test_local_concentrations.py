@@ -8,8 +8,9 @@ import pytest
 import calibrate
 from calibrate import Experiment, Problem
 from calibrate.experiment.repeats import BEFORE_THE_FIT
+from calibrate.inference.forecast import forecast
 from calibrate.problem.solve import fit_experiment
-from calibrate.report import words
+from calibrate.report import tables, words
 
 RECIPE = """
 name = "beads"
@@ -90,12 +91,15 @@ def test_synthetic_profiles_give_their_exponent_and_scatter(tmp_path, model, she
         assert found["determined"]
         assert abs(found["value"] - truth) < 3.0 * found["standard_error"] < 0.1 * truth
     # Profile in %, coil as a number.
-    tables = {"A, profile at time 3 min": 0.4, "A, concentration at height 0.06 m": 0.008}
-    assert list(said["scatter"]) == list(tables) == list(said["data_as_understood"])
-    for name, scatter in tables.items():
+    scatters = {"A, profile at time 3 min": 0.4, "A, concentration at height 0.06 m": 0.008}
+    assert list(said["scatter"]) == list(scatters) == list(said["data_as_understood"])
+    for name, scatter in scatters.items():
         found = said["scatter"][name]
         assert found["source"] == "fit" and found["degrees_of_freedom"] > 20.0
         assert abs(found["value"] - scatter) < 3.0 * found["standard_error"]
+        rows = [one for one in said["predictions"] if name.endswith(one["table"])]
+        squares = sum(((one["predicted"] - one["measured"]) / one["sigma"]) ** 2 for one in rows)
+        assert squares == pytest.approx(found["degrees_of_freedom"], rel=5e-3)  # errors stay
     free = sum(one["degrees_of_freedom"] for one in said["scatter"].values())
     assert free == pytest.approx(
         29 + 24 - len(said["parameters"]), abs=0.05
@@ -109,7 +113,7 @@ def test_synthetic_profiles_give_their_exponent_and_scatter(tmp_path, model, she
     text = (out / "report.md").read_text("utf-8")
     assert "volume fraction at 1 cm and 3 min" in text and "concentrations.png" in text
     assert "volume fraction at 0.06 m and 12 min" in text
-    assert "from g/L in 'c (g/L)', at height 0.06 m, mean of 0.01 m" in text.replace("\\", "")
+    assert "from g/L in 'c (g/L)', at height 0.06 m, mean over 0.01 m" in text.replace("\\", "")
     assert (out / "concentrations.png").is_file() and not (out / "curves.png").exists()
     assert not (out / "predictions.png").exists()
 
@@ -153,8 +157,14 @@ def test_repeats_give_the_scatter_before_the_fit(tmp_path):
     assert all(
         one.standard_deviation == table.scatter.value for one in experiment.samples[0].measurements
     )
-    problem, _ = fit_experiment(experiment, "closed-form")
-    assert problem.experiment.samples[0].concentrations == (table,)
+    problem, fit = fit_experiment(experiment, "closed-form")
+    (sample,) = problem.experiment.samples
+    assert sample.concentrations == (table,)
+    every = forecast(experiment, fit, sample, "closed-form")
+    assert {(one.time, one.time_unit) for one in every} == {(60.0, "s")}
+    row = tables.forecasts(every)[-1]
+    assert (row["height_m"], row["height_unit"], row["time_s"]) == (0.25, "cm", 60.0)
+    assert "volume fraction at 25 cm and 60 s" in words.line(row)
 
 
 def test_stated_errors_stay_and_few_readings_tell_no_scatter(tmp_path):

@@ -99,17 +99,22 @@ def layout(
     return Layout(time, date, readings, errors, others, width, rows)
 
 
-def refuse_several_samples(table: Table, layout: Layout) -> None:
+def refuse_several_samples(table: Table, others: list[Column], rows: list[Row]) -> None:
     """Refuses rows of several suspensions, which a column that is not read tells apart.
+
+    Args:
+      table: they are of.
+      others: columns that are not read.
+      rows: below the header.
 
     Raises:
       InputError: two names in one column.
     """
-    for column in layout.others:
+    for column in others:
         if not column.heading.words & vocabulary.SAMPLE:
             continue
         first = ""
-        for row in layout.rows:
+        for row in rows:
             name = row.cell(column.place)
             if first and name and name != first:
                 raise InputError(

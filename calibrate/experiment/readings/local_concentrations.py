@@ -13,15 +13,15 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from calibrate.experiment.readings import cells, concentrations, decimals, rows
+from calibrate.experiment.readings import cells, concentrations, decimals, rows, vocabulary
 from calibrate.experiment.readings.cells import Cell
-from calibrate.experiment.readings.columns import Column
+from calibrate.experiment.readings.columns import Column, refuse_several_samples
 from calibrate.experiment.readings.concentrations import kind_of
 from calibrate.experiment.readings.headings import RATIO_OF_SYMBOLS
 from calibrate.experiment.readings.local_columns import FROM_ABOVE, LocalLayout, layout
 from calibrate.experiment.readings.local_understood import LocalUnderstood
 from calibrate.experiment.readings.points import with_date
-from calibrate.experiment.readings.sheet import LocalSheet
+from calibrate.experiment.readings.sheet import LocalColumnsSheet, LocalSheet
 from calibrate.experiment.readings.table import (
     Row,
     Table,
@@ -30,7 +30,7 @@ from calibrate.experiment.readings.table import (
     refuse_wider,
 )
 from calibrate.experiment.readings.times import times
-from calibrate.experiment.units import HEIGHT_UNITS, LEVEL, RATIO_UNITS, TIME_UNITS
+from calibrate.experiment.units import HEIGHT, HEIGHT_UNITS, LEVEL, RATIO_UNITS, TIME, TIME_UNITS
 from mrjax import InputError
 from mrjax.core.errors import shown
 
@@ -112,6 +112,8 @@ def read(
         "no sheet with concentrations",
     )
     found = layout(table, sheet)
+    refuse_several_samples(table, found.others, found.rows)
+    _refuse_other_places(table, found, sheet)
     kind = _kind(found, sheet)
     written, left_out = _written(table, found)
     every = [cell for one in written for cell in one[1:] if isinstance(cell, Cell)]
@@ -138,6 +140,39 @@ def read(
     marked = understood.read_as | ({"decimal": "decimal commas"} if mark == "," else {})
     understood = replace(understood, read_as=marked, left_out=tuple(left_out))
     return LocalConcentrations(readings, axis, unit, understood)
+
+
+def _refuse_other_places(table: Table, found: LocalLayout, sheet: LocalSheet) -> None:
+    """Refuses rows of another height or time than the stated one, which a column tells.
+
+    That is one that is not read, unless columns are stated.
+    """
+    if sheet.columns != LocalColumnsSheet():
+        return
+    at_height = sheet.height is not None
+    stated = sheet.height if at_height else (sheet.time or 0.0) * TIME_UNITS[sheet.time_unit or "s"]
+    units, key = (HEIGHT, "height") if at_height else (TIME, "time")
+    for column in found.others:
+        head = column.heading
+        if column.role != key or head.words & vocabulary.INTERFACE:
+            continue
+        unit = None if head.words & FROM_ABOVE else units.named(head.unit)
+        first = ""
+        for row in found.rows:
+            cell = _cell(table.at(row), row, column)
+            first = first or ("" if cells.is_missing(cell.text) else cell.text)
+            number = cells.number(cell.text)
+            differs = bool(number) and cell.text != first
+            if number and unit:
+                mark = "," if "," in number.written else "."
+                value = cells.value(cell, number.written, mark) * units.units[unit]
+                differs = differs or not math.isclose(value, stated or 0.0, rel_tol=1e-3)
+            if differs:
+                raise InputError(
+                    f"{cell.at}: {column.named} = {shown(cell.text)} is not the stated {key}, or "
+                    f"not that of the rows above; give each {key} a file or sheet of its own, or "
+                    "state columns"
+                )
 
 
 def _kind(found: LocalLayout, sheet: LocalSheet) -> str:
@@ -229,8 +264,9 @@ def _heights(
                 f"the height of the suspension, {height:g} m; mend the row, its unit or height"
             )
         heights.append(value * si)
-    told = unit if unit in HEIGHT_UNITS else "m"
-    return Axis(heights, told, HEIGHT_UNITS[told], f"in {unit}" if told != unit else unit)
+    if unit in HEIGHT_UNITS:
+        return Axis(heights, unit, si, unit)
+    return Axis(heights, "m", 1.0, "as a ratio" if unit == "1" else f"in {unit}")
 
 
 def _unit_of_heights(found: LocalLayout, sheet: LocalSheet) -> str:

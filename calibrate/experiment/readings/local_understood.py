@@ -36,7 +36,7 @@ class LocalUnderstood(FileUnderstood):
         unit = "" if self.unit == "1" else f" {self.unit}"
         return (
             f"{self.axis} {form} from {self.columns[self.axis]}, volume fraction of the particles "
-            f"from {self.concentration} in {self.columns['concentration']}, {self.at}, mean of "
+            f"from {self.concentration} in {self.columns['concentration']}, {self.at}, mean over "
             f"{self.thickness:.3g} m; {self.readings} readings, {first:.4g}{unit} at {start:.6g} "
             f"{self.axis_unit} to {last:.4g}{unit} at {end:.6g} {self.axis_unit}; "
             f"{self._errors(unit)}"

@@ -159,13 +159,19 @@ class LocalSheet(TimesSheet):
     """A table of concentrations at a height by time, or at a time by height."""
 
     height: float | None = Field(
-        default=None, ge=0, description="of the readings above the floor, in m, for a file of times"
+        default=None,
+        ge=0,
+        description="the height of the readings above the floor in m, for a file of times",
     )
     time: float | None = Field(
-        default=None, ge=0, description="of the profile, in time_unit or s, for a file of heights"
+        default=None,
+        ge=0,
+        description="the time of the profile, in time_unit or s, for a file of heights",
     )
     thickness: float | None = Field(
-        default=None, gt=0, description="of the layer that a reading averages over, in m"
+        default=None,
+        gt=0,
+        description="the thickness of the layer that a reading averages over, in m",
     )
     columns: LocalColumnsSheet = Field(
         default=LocalColumnsSheet(),
@@ -175,7 +181,7 @@ class LocalSheet(TimesSheet):
         default=None, description=f"what the concentrations are: {', '.join(KINDS)}"
     )
     height_unit: Annotated[str, spelled(LEVEL)] | None = Field(
-        default=None, description=f"of the file's heights, one of {', '.join(LEVEL.units)}"
+        default=None, description=f"that of the file's heights, one of {', '.join(LEVEL.units)}"
     )
     standard_deviation: float | None = Field(
         default=None, gt=0, description="the uncertainty of every reading in its unit, above zero"

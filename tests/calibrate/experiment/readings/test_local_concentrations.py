@@ -40,6 +40,8 @@ def read(folder, content, **stated):
         ("time\tsolids (wt%)\nmin\t\n0\t22.22222222222222\n1\t40\n2.5\t0\n", {}),
         ("hh:mm:ss,vol%,remark\n00:00:00,12.5,a\n00:01:00,25,\n00:02:30,0,b\n", {}),
         ("time,c\n0,0.125\n1,0.25\n,\n2.5,0\n", {"time_unit": "min", "concentration": "phi"}),
+        ("t (min),mudline (cm),phi\n0,20,0.125\n1,15,0.25\n2.5,9,0\n", {}),
+        ("t (min),z (cm),phi\n0,5,0.125\n1,5,0.25\n2.5,,0\n", {}),
         ("0 0.125\n1 0.25\n2.5 0\n", {"time_unit": "min", "concentration": "volume fraction"}),
         (
             "t (min),c at 5 cm (kg/m3),c at 9 cm (kg/m3)\n0,250,1\n1,500,2\n2.5,0,3\n",
@@ -52,7 +54,7 @@ def test_concentrations_by_time_are_read_as_they_are_meant(tmp_path, content, st
     np.testing.assert_allclose([one.at for one in found.readings], TIMES)
     np.testing.assert_allclose([one.value for one in found.readings], FRACTIONS, rtol=1e-12)
     assert all(np.isnan(one.error) for one in found.readings)
-    assert "at height 0.05 m, mean of 0.002 m" in found.understood.line
+    assert "at height 0.05 m, mean over 0.002 m" in found.understood.line
 
 
 @pytest.mark.parametrize(
@@ -116,6 +118,11 @@ PROFILE = {"time": 60.0}
         ("depth (cm),phi\n1,0.1\n2,0.1\n", PROFILE, ["'depth (cm)' is told from above"]),
         ("z (kg),phi\n1,0.1\n2,0.1\n", PROFILE, ["no unit of a height"]),
         ("z (cm),phi\n1,0.1\n2,0.1\n", PROFILE | {"height_unit": "mm"}, ["is in cm", "stated"]),
+        ("z (cm),t (s),phi\n1,60,0.1\n2,60,0.1\n1,70,0.1\n", PROFILE, ["line 4", "'70'", "file"]),
+        ("z (cm),t (s),phi\n1,6,0.1\n2,6,0.1\n", PROFILE, ["line 2", "'6'", "the stated time"]),
+        ("t (s),z,phi\n1,6,0.1\n2,7,0.1\n", AT, ["line 3", "'7'", "the stated height"]),
+        ("t (s),z (cm),phi\n1,6,0.1\n2,6,0.1\n", AT, ["line 2", "the stated height"]),
+        ("t (s),sample,phi\n1,A,0.1\n2,B,0.1\n", AT, ["line 3", "'B' comes after 'A'"]),
         ("t (s),phi\n0,0.1\n1,0.2\n", {}, ["height or time: neither is given"]),
         ("t (s),phi\n0,0.1\n1,0.2\n", AT | PROFILE, ["height or time: both are given"]),
         ("z,phi\n0,0.1\n1,0.2\n", PROFILE | {"start": "09:30"}, ["start: is not used"]),
