@@ -24,6 +24,7 @@ from calibrate.inference.runs import runs_tests
 from calibrate.least_squares.fit import Fit
 from calibrate.least_squares.programs import pseudo_huber
 from calibrate.problem.problem import Problem
+from calibrate.report.fronts import unresolved_fronts
 from calibrate.report.words import SAID
 from mrjax import Parameters, terminal_velocity
 from mrjax.laws import dimensionless
@@ -80,7 +81,7 @@ def summary(
             name: {one.name: {"value": one.value, "holds": one.holds} for one in numbers}
             for name, numbers in validity_of.items()
         },
-        "warnings": _warnings(problem, fit, validity_of),
+        "warnings": _warnings(problem, fit, validity_of) + _fronts(problem, predicted),
         "notes": _notes(problem, fit),
         "chi_squared": fit.chi_squared,
         **_agreement(agreed, errors),
@@ -190,6 +191,17 @@ def _against_priors(problem: Problem, fit: Fit) -> Iterator[str]:
                 f"deviations of its prior from its median, {one.value(prior.median):.4g}: data and "
                 "prior contradict each other; check units, the model and the prior"
             )
+
+
+def _fronts(problem: Problem, predicted: np.ndarray) -> list[str]:
+    """Warnings about sharp fronts between readings of concentrations."""
+    first = 0
+    found: list[str] = []
+    for sample in problem.experiment.samples:
+        end = first + len(sample.measurements)
+        found += unresolved_fronts(sample, list(map(float, predicted[first:end])))
+        first = end
+    return found
 
 
 def _too_fast(problem: Problem, fit: Fit) -> Iterator[str]:

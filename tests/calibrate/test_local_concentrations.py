@@ -11,6 +11,7 @@ from calibrate.experiment.repeats import BEFORE_THE_FIT
 from calibrate.inference.forecast import forecast
 from calibrate.problem.solve import fit_experiment
 from calibrate.report import tables, words
+from calibrate.report.fronts import unresolved_fronts
 
 RECIPE = """
 name = "beads"
@@ -185,3 +186,22 @@ def test_stated_errors_stay_and_few_readings_tell_no_scatter(tmp_path):
         assert scatter is None or scatter.source == "assumed"
         for one in sample.measurements:
             assert one.standard_deviation == pytest.approx(expected, rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "minutes, thickness, told", [(1.0, 0.003, 1), (1.0, 0.1, 0), (0.05, 0.003, 0)]
+)
+def test_a_front_between_readings_is_told(tmp_path, minutes, thickness, told):
+    """A mudline at 0.2 m of 0.3 m after four minutes goes 2 cm in one, and 1 mm in 3 s."""
+    times = 4.0 + minutes * np.arange(-2, 3)
+    lines = "".join(f"{one},0.3\n" for one in times)
+    sheet = SHEET.partition("[[sample.concentration]]")[0]
+    sheet += f'[[sample.concentration]]\nfile = "c.csv"\nheight = 0.2\nthickness = {thickness}\n'
+    (tmp_path / "c.csv").write_text(f"t (min),phi\n{lines}")
+    (tmp_path / "beads.toml").write_text(RECIPE)
+    (tmp_path / "tube.toml").write_text(sheet + F_S)
+    (sample,) = Experiment.load(tmp_path / "tube.toml").samples
+    found = list(unresolved_fronts(sample, [0.3, 0.3, 0.3, 0.0, 0.0]))
+    assert len(found) == told
+    assert not told or "at 0.2 m and 4 min and at 0.2 m and 5 min, and wherever" in found[0]
+    assert not list(unresolved_fronts(sample, [0.3, 0.28, 0.25, 0.2, 0.1]))
