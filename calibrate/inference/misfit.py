@@ -1,9 +1,9 @@
 """Agreement of readings with the model within their stated errors, and with each other.
 
-Of M readings and K combinations that they determine chi-squared is distributed as that of M - K
-degrees of freedom, if the model is right and the errors are as stated. Stated errors are often too
-small, so that p alone refuses many a good fit: readings contradict the model where their residuals
-are large beside the readings themselves, too.
+Of M readings and K combinations that they determine, near the fit at least, chi-squared is
+distributed as that of M - K degrees of freedom, if the model is right and the errors are as stated.
+Stated errors are often too small, so that p alone refuses many a good fit: readings contradict the
+model where their residuals are large beside the readings themselves, too.
 """
 
 from typing import NamedTuple
@@ -48,7 +48,8 @@ def agreement(
     problem: Problem, fit: Fit, identification: Identification, predicted: np.ndarray
 ) -> Agreement:
     """The agreement of predictions, (M,), with the readings of a problem."""
-    free = len(predicted) - len(identification.combinations)
+    known = len(identification.combinations) + len(identification.near_combinations)
+    free = len(predicted) - known
     reduced = fit.chi_squared / max(1, free)
     testable = free > 0 and fit.robust is None
     return Agreement(

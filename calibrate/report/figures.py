@@ -131,7 +131,7 @@ def curves_figure(result: dict[str, Any]) -> Figure:
         unit = of_sample[0]["unit"]
         what = spelled(of_sample[0]["observable"])
         axes.set_ylabel(what if unit == "1" else f"{what}, {unit}")
-        axes.set_ylim(bottom=0.0)
+        axes.set_ylim(0.0, 1.1 * axes.dataLim.y1)  # a level curve, too, with its errors
     axes.legend()
     return figure
 

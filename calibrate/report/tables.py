@@ -155,7 +155,8 @@ def _why_open(identification: Identification, name: str, place: int) -> str:
     bounded_by_data = np.isfinite(identification.data_standard_errors[name])
     if identification.status[name] == "free" and bounded_by_data:
         return "loosely_bounded"
-    if any(name in one.exponents for one in identification.near_combinations):
+    near = (one.exponents for one in identification.near_combinations)
+    if any(name in one and len(one) > 1 for one in near):
         return "told_together"
     if not bounded_by_data and not identification.null_exponents[:, place].any():
         return "bounded_on_one_side"

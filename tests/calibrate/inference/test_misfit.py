@@ -149,12 +149,14 @@ def test_the_range_of_one_reading_is_its_size():
     assert misfit._share(readings_of(("mudline", 0.0, 1.0)), np.array([0.5])) == pytest.approx(0.5)
 
 
+@pytest.mark.parametrize("determined, near", [(("a * b",), ()), ((), ("a * b",))])
 @pytest.mark.parametrize("robust", [None, 2.0])
-def test_degrees_of_freedom_are_readings_less_what_they_determine(robust):
-    """Of three values two readings of four determine one product."""
+def test_degrees_of_freedom_are_readings_less_what_they_determine(robust, determined, near):
+    """Of three values two readings of four determine one product, everywhere or near the fit."""
     problem = readings_of(*[("mudline", value, 1.0) for value in (1.0, 2.0, 3.0, 4.0)])
     fit = SimpleNamespace(chi_squared=12.0, robust=robust, values=np.ones(3))
-    found = misfit.agreement(problem, fit, SimpleNamespace(combinations=("a * b",)), np.ones(4))
+    known = SimpleNamespace(combinations=determined, near_combinations=near)
+    found = misfit.agreement(problem, fit, known, np.ones(4))
     assert (found.degrees_of_freedom, found.reduced_chi_squared) == (3, 4.0)
     assert found.error_scale == 2.0 and not found.misfit
     if robust is None:

@@ -270,7 +270,7 @@ def test_what_the_data_bound_on_one_side_is_no_prior_s_alone(null, key):
         standard_errors={"a": 0.1},
         data_standard_errors={"a": np.inf},
         null_exponents=np.array([[1.0, null]]),
-        near_combinations=(SimpleNamespace(exponents={"b": 1.0}),),
+        near_combinations=(SimpleNamespace(exponents={"a": 1.0}),),
     )
     assert tables._why_open(found, "a", 1) == key
     found.near_combinations = (SimpleNamespace(exponents={"a": 1.0, "b": 2.0}),)
