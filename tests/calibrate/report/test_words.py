@@ -186,6 +186,7 @@ def test_a_curve_is_drawn_between_its_readings_in_the_unit_of_its_file():
     (line,) = [line for line in axes.lines if line.get_label() == "predicted"]
     np.testing.assert_allclose(line.get_xydata(), [[0.0, 9.0], [30.0, 7.0], [60.0, 3.0]])
     assert axes.get_xlabel() == "time, min"
+    assert axes.get_ylim()[0] == 0.0 and axes.get_ylim()[1] > 1.05 * 80.5  # mm, with its error
     (mark,) = axes.containers[0].lines[0].get_xdata()
     assert float(mark) == 60.0
 
