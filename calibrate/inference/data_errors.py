@@ -21,7 +21,7 @@ from mrjax.core.promotion import relaxed_promotion
 
 NEAR = 0.03
 """Of the root of the rise to one, at which the end of an interval is read off."""
-MOST_POINTS = 25
+MOST_POINTS = 40
 """At which the rise is looked at, to either side."""
 MOST_STEPS = 30
 """Of everything else, at each of them: too few would make the rise too great."""

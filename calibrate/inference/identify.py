@@ -22,6 +22,8 @@ DETERMINED, INFORMED = 1.0 / 3.0, 2.0
 
 LARGEST_CHI_SQUARED = 4.0
 """Of a degree of freedom, two standard deviations each: beyond it a fit is called a misfit."""
+MUCH_WIDER = 1.5
+"""Error by a profile over that by slopes from which slopes mislead."""
 NOT_EXCLUDED = 3.84
 """Rise of chi-squared up to which the data exclude no other optimum, in 95 % of cases."""
 BY_CHANCE = 1e-3
@@ -57,7 +59,8 @@ class Identification:
     determined: dict[str, bool]
     """True where the data determine this value by itself."""
     standard_errors: dict[str, float]
-    """Standard error of each value, data and prior together; infinite where both are silent."""
+    """Standard error of each value, data and prior together; infinite where both are silent. By
+    slopes, or as much wider as the profile of the data is."""
     data_standard_errors: dict[str, float]
     """Standard error of each logarithm by the data alone: half of its 68 % profile interval, or the
     distance to another optimum that the data do not exclude, where that is farther; infinite where
@@ -133,7 +136,7 @@ def identify(fit: Fit) -> Identification:
         ),
         null_exponents=unseen_directions,
         determined={name: word == "determined" for name, word in status.items()},
-        standard_errors=standard_errors(fit),
+        standard_errors=_widened(standard_errors(fit), fit, by_profile[:size], scale, from_data),
         data_standard_errors=by_data,
         status=status,
         error_scale=scale,
@@ -152,6 +155,34 @@ def _error_scale(fit: Fit, rank: int) -> float:
         return 1.0
     reduced = fit.chi_squared / free
     return float(reduced**0.5) if reduced > LARGEST_CHI_SQUARED else 1.0
+
+
+def _widened(
+    errors: dict[str, float], fit: Fit, by_data: np.ndarray, scale: float, from_data: np.ndarray
+) -> dict[str, float]:
+    """Standard errors of values, as much wider as the profiles of the data are than their slopes.
+
+    A reading on the edge of a front has a steep slope, and says little: beyond it nothing changes.
+    Up to the width of the prior.
+
+    Args:
+      errors: those from slopes and priors, by name.
+      fit: where it ended.
+      by_data: errors of the logarithms by profiles of the data, (P,).
+      scale: what those are scaled by.
+      from_data: covariance of the logarithms by slopes, (P, P).
+    """
+    straight = scale * np.sqrt(np.diag(from_data))
+    wider = {}
+    for name, value, own, slope, precision in zip(
+        fit.names, fit.values, by_data, straight, fit.prior_precision, strict=True
+    ):
+        error = errors[name]
+        if np.isfinite(own) and slope > 0.0 and own > MUCH_WIDER * slope:
+            most = value * precision**-0.5 if precision else np.inf
+            error = max(error, min(error * float(own / slope), most))
+        wider[name] = error
+    return wider
 
 
 def _between_optima(fit: Fit, directions: np.ndarray, scale: float) -> np.ndarray:

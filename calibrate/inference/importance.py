@@ -19,7 +19,7 @@ from scipy.special import logsumexp, softmax
 from calibrate.inference.proposal import Proposal
 from calibrate.least_squares.bounds import Bounds
 
-FIRST, MORE, MOST = 500, 250, 2500
+FIRST, MORE, MOST = 500, 250, 10_000
 """Draws of a proposal: at first, between two looks at their weights, and in all."""
 ADAPTATIONS = 2
 LARGEST_K = 0.7

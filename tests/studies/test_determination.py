@@ -6,9 +6,10 @@ from tests.studies.determination import measure, page
 
 
 def as_it_should_be(said):
-    """The bars: of the values called determined one in a hundred may have a large error."""
+    """Of the values called determined one in a hundred may have a large error, and so on."""
     assert said["determined with a large error"] <= 0.01 * said["determined"]
-    assert said["with a small error and called so"] >= 0.95 * said["with a small error"]
+    about = "with a small error, about the fit"
+    assert said[f"{about}, and called so"] >= 0.95 * said[about]
     assert said["worse than the best of many starts"] <= 0.01 * said["problems"]
     assert said["worse than the truth"] <= 0.01 * said["problems"]
     for level in ("68 %", "95 %"):

@@ -122,3 +122,18 @@ def test_a_bound_like_a_wall_is_no_data_either():
 
     found = errors_of(residuals, dict(a=1.0, b=1.0), [np.eye(2)[0]], bounds={"b": (0.5, 2.0)})
     assert found[0] == np.inf
+
+
+def test_a_slope_on_the_edge_of_a_front_is_no_error():
+    """A front of width 1e-3 at ln a: a reading on its edge, and nothing else for 0.4 to a side."""
+
+    def residuals(theta):
+        places = jnp.array([-0.4, 0.0, 0.4])
+        level = jnp.clip((places - jnp.log(theta["a"])) / 1e-3, 0.0, 1.0)
+        return (level - jnp.array([0.0, 0.999, 1.0])) / 0.01
+
+    priors = {"a": LogNormal(1.0, 2.0)}
+    found = calibrate.identify(calibrate.fit(residuals, {"a": 0.9991}, priors=priors))
+    # From the edge at -0.001 to that of the reading before: nothing changes between.
+    assert found.data_standard_errors["a"] == near(0.5 * 0.4, rel=0.05)
+    assert found.standard_errors["a"] == near(found.data_standard_errors["a"], rel=0.1)

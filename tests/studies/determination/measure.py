@@ -58,8 +58,12 @@ def _of_design(
             "best": by_reference.best(data, truth, random),
             "of_truth": by_reference.objective(truth, data),
         }
-        errors = by_reference.data_errors(data)
-        rows += [known | one for one in _of_values(found, identify(found), truth, errors)]
+        errors, optimum = by_reference.data_errors(data)
+        beside = np.abs(np.log(found.values) - optimum) <= np.maximum(errors, 1e-6)
+        values = _of_values(found, identify(found), truth, errors)
+        rows += [
+            known | one | {"beside": int(near)} for one, near in zip(values, beside, strict=True)
+        ]
     return rows
 
 

@@ -33,6 +33,10 @@ def counts(rows: list[dict]) -> dict[str, float]:
         "determined with a large error": sum(row["exact"] > TOO_LARGE for row in determined),
         "with a small error": len(small),
         "with a small error and called so": sum(row["status"] == "determined" for row in small),
+        "with a small error, about the fit": sum(int(row["beside"]) for row in small),
+        "with a small error, about the fit, and called so": sum(
+            row["status"] == "determined" for row in small if int(row["beside"])
+        ),
         "worse than the best of many starts": sum(
             row["objective"] > row["best"] + AS_GOOD for row in problems
         ),
@@ -74,7 +78,9 @@ is, and beside it stands an independent answer (`reference.py`): predictions on 
 {DENSE[2]} values of each of two parameters, or {DENSE[3]} of each of three, from whose best places
 scipy goes on. So are found the error that the data alone leave, by a profile, and the best optimum:
 of the grid, of {STARTS} draws from the priors and of the truth, of which {FINISHED_STARTS + 1} are
-finished. Errors are over the width of the prior: large above {TOO_LARGE}, small below {SMALL}.
+finished. Errors are over the width of the prior: large above {TOO_LARGE}, small below {SMALL}. An
+interval of the data is about the fit if the fit is in it: the data alone may have another optimum,
+which priors exclude, and of that nothing is to be said.
 Made by `python -m tests.studies.determination`.
 
 {table}

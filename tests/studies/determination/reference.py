@@ -47,15 +47,19 @@ class Reference(NamedTuple):
     predicted: np.ndarray
     """Predictions there, (G, M)."""
 
-    def data_errors(self, data: np.ndarray) -> np.ndarray:
-        """Half the intervals of the data alone in which chi-squared rises by less than one."""
+    def data_errors(self, data: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Half the intervals of the data alone in which chi-squared rises by less than one.
+
+        Returns: these, (P,), and the optimum of the data, (P,).
+        """
         square = np.sum(((self.predicted - data) / self.problem.errors) ** 2, axis=-1)
         square = np.where(np.isfinite(square), square, np.inf)
         everything = list(range(self.width.size))
         starts = self.grid[np.argsort(square)[: 2 * FINISHED]]
         ends = [self._descend(start, everything, data, self.without) for start in starts]
         best = min(ends, key=lambda end: end[0])
-        return np.array([self._data_error(place, square, best, data) for place in everything])
+        errors = [self._data_error(place, square, best, data) for place in everything]
+        return np.array(errors), best[1]
 
     @property
     def without(self) -> np.ndarray:
