@@ -85,7 +85,6 @@ Made by `python -m tests.studies.determination`.
 
 {table}
 
-Where the reference finds the ends of an interval, the error that a fit states is
-{np.nanmedian(off):.3f} times it in the median, and from {np.nanquantile(off, 0.05):.2f} to
-{np.nanquantile(off, 0.95):.3g} times in nine of ten.
+Where the reference finds the ends of an interval, the error that a fit states is between
+{np.nanquantile(off, 0.05):.3f} and {np.nanquantile(off, 0.95):.3f} times it in nine of ten.
 """
