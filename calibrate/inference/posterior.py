@@ -132,7 +132,7 @@ def posterior(
       >>> def residuals(theta):
       ...     return (jnp.log(theta["a"])[None] - 1.0) / 0.1
       >>> found = calibrate.inference.posterior.posterior(calibrate.fit(residuals, {"a": 2.0}))
-      >>> found.method, found.converged, np.log(found.samples).std().round(2)
+      >>> found.method, found.converged, round(float(np.log(found.samples).std()), 2)
       ('importance sampling', True, 0.1)
     """
     refuse_foreign(checkpoint)
