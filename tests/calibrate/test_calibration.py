@@ -423,7 +423,7 @@ def test_what_another_prior_bounds_is_not_called_undetermined(tube):
         problem, found = fit_experiment(Experiment.load(tube), "closed-form")
         predicted = np.asarray(problem.predict(found.theta))
         result = report.summary(problem, found, calibrate.identify(found), predicted)
-        ends[name] = result["carried_by_priors_alone"], result["undetermined"]
+        ends[name] = result["told_together"], result["undetermined"]
         said = "\n".join(report.in_words(result))
         page = report.markdown("tube", "closed-form", result | {"wall_seconds": 0.0}, {})
         assert ("Neither data nor a prior say" in said) == (name == "open")
