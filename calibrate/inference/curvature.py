@@ -38,9 +38,14 @@ def covariance(information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return (directions * variance) @ directions.T, directions[:, lost]
 
 
-def standard_errors(fit: Fit) -> dict[str, float]:
-    """Standard errors of the values, by data and priors together."""
-    spread, unbounded = covariance(information(fit))
+def standard_errors(fit: Fit, error_scale: float = 1.0) -> dict[str, float]:
+    """Standard errors of the values, by slopes of the data and priors together.
+
+    Args:
+      fit: where it ended.
+      error_scale: as for `information`.
+    """
+    spread, unbounded = covariance(information(fit, error_scale))
     unknown = np.sum(unbounded**2, axis=1) > RANK_TOLERANCE
     unknown |= np.sqrt(np.diag(spread)) > UNKNOWN
     return {

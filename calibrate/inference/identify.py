@@ -80,6 +80,8 @@ class Identification:
     """Exponents of the null directions, (K, P)."""
     error_scale: float = 1.0
     """By what the errors by the data alone are scaled: above 1 where the data do not fit."""
+    widening: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    """How many times wider the profile of the data is than slopes say, (P,): 1, or much more."""
 
 
 def identify(fit: Fit) -> Identification:
@@ -108,6 +110,7 @@ def identify(fit: Fit) -> Identification:
     by_profile = data_errors(fit, directions, scale**2)
     by_profile = np.maximum(by_profile, _between_optima(fit, directions, scale))
     errors[known] = by_profile[size:]
+    widening = _widening(by_profile[:size], scale * np.sqrt(np.diag(from_data)))
     limits = np.array([_limit(direction, fit.prior_precision) for direction in rows])
     seen = errors <= limits
     near = ~seen & (near_by <= limits)
@@ -136,10 +139,11 @@ def identify(fit: Fit) -> Identification:
         ),
         null_exponents=unseen_directions,
         determined={name: word == "determined" for name, word in status.items()},
-        standard_errors=_widened(standard_errors(fit), fit, by_profile[:size], scale, from_data),
+        standard_errors=widened_errors(fit, widening),
         data_standard_errors=by_data,
         status=status,
         error_scale=scale,
+        widening=widening,
         weak_combinations=tuple(
             expression(fit.names, np.round(without_negligible(row), 2))
             for row in simplest_basis(rows[known & ~seen & ~near])
@@ -157,32 +161,37 @@ def _error_scale(fit: Fit, rank: int) -> float:
     return float(reduced**0.5) if reduced > LARGEST_CHI_SQUARED else 1.0
 
 
-def _widened(
-    errors: dict[str, float], fit: Fit, by_data: np.ndarray, scale: float, from_data: np.ndarray
-) -> dict[str, float]:
-    """Standard errors of values, as much wider as the profiles of the data are than their slopes.
+def widened_errors(fit: Fit, widening: np.ndarray, error_scale: float = 1.0) -> dict[str, float]:
+    """Standard errors of values, as much wider than by slopes as the profiles of the data are.
 
-    A reading on the edge of a front has a steep slope, and says little: beyond it nothing changes.
     Up to the width of the prior.
 
     Args:
-      errors: those from slopes and priors, by name.
       fit: where it ended.
-      by_data: errors of the logarithms by profiles of the data, (P,).
-      scale: what those are scaled by.
-      from_data: covariance of the logarithms by slopes, (P, P).
+      widening: that of `Identification`, (P,).
+      error_scale: how many times as large as stated the errors of the readings are.
     """
-    straight = scale * np.sqrt(np.diag(from_data))
     wider = {}
-    for name, value, own, slope, precision in zip(
-        fit.names, fit.values, by_data, straight, fit.prior_precision, strict=True
+    by_slopes = standard_errors(fit, error_scale).items()
+    for (name, error), value, factor, precision in zip(
+        by_slopes, fit.values, widening, fit.prior_precision, strict=True
     ):
-        error = errors[name]
-        if np.isfinite(own) and slope > 0.0 and own > MUCH_WIDER * slope:
-            most = value * precision**-0.5 if precision else np.inf
-            error = max(error, min(error * float(own / slope), most))
-        wider[name] = error
+        most = value * precision**-0.5 if precision else np.inf
+        wider[name] = error if factor == 1.0 else max(error, min(error * float(factor), most))
     return wider
+
+
+def _widening(by_data: np.ndarray, by_slopes: np.ndarray) -> np.ndarray:
+    """How many times wider the profiles of the data are than their slopes say; 1 or much more.
+
+    A reading on the edge of a front has a steep slope, and says little: beyond it nothing changes.
+
+    Args:
+      by_data, by_slopes: errors of the logarithms, (P,).
+    """
+    known = np.isfinite(by_data) & (by_slopes > 0.0)
+    factor = np.where(known, by_data, 1.0) / np.where(known, by_slopes, 1.0)
+    return np.where(factor > MUCH_WIDER, factor, 1.0)
 
 
 def _between_optima(fit: Fit, directions: np.ndarray, scale: float) -> np.ndarray:

@@ -14,6 +14,7 @@ from calibrate.report.formatting import (
     off,
     prior,
     sampled_value,
+    scaled_error,
     spelled,
     when,
     with_error,
@@ -146,7 +147,7 @@ def _parameters(result: dict[str, Any]) -> str:
                 one["samples"]
                 and f"sample{'s' if len(one['samples']) > 1 else ''} {', '.join(one['samples'])}",
                 fitted_value(one),
-                f"± {one['scaled_standard_error']:.2g}" if result["misfit"] else "",
+                scaled_error(one) if result["misfit"] else "",
                 *(interval(one, coverage) for coverage in LEVELS),
                 prior(one),
                 sampled_value(one["posterior"]),

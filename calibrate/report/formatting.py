@@ -104,6 +104,12 @@ def fitted_value(one: dict[str, Any]) -> str:
     return with_error(one["value"], one["standard_error"])
 
 
+def scaled_error(one: dict[str, Any]) -> str:
+    """The error of a value where those of the readings cover the residuals."""
+    error = one["scaled_standard_error"]
+    return f"± {error:.2g}" if np.isfinite(error) else "unbounded"
+
+
 def sampled_value(posterior: dict[str, float] | None) -> str:
     """Median and standard deviation of samples of a value."""
     if posterior is None:

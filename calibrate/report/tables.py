@@ -15,7 +15,7 @@ from calibrate.inference.advice import advice, stand_out
 from calibrate.inference.curvature import covariance, information
 from calibrate.inference.curves import PredictedCurve
 from calibrate.inference.forecast import Forecast
-from calibrate.inference.identify import Combination, Identification
+from calibrate.inference.identify import Combination, Identification, widened_errors
 from calibrate.inference.misfit import Agreement, agreement
 from calibrate.inference.posterior import Posterior
 from calibrate.inference.products import expression
@@ -60,6 +60,7 @@ def summary(
     errors = problem.experiment.errors
     if errors == "estimated":
         agreed = agreed._replace(p_value=None)  # they come from the readings that p would test
+    scale = agreed.error_scale if agreed.misfit else 1.0
     validity_of = {
         sample.name: _validity(problem.experiment.suspension_of(sample, fit.theta).parameters)
         for sample in problem.experiment.samples
@@ -67,7 +68,7 @@ def summary(
     return {
         "converged": fit.converged,
         "on_a_kink": fit.on_a_kink,
-        "parameters": _parameters(problem, fit, identification, profiles, samples),
+        "parameters": _parameters(problem, fit, identification, profiles, samples, scale),
         **_what_is_determined(problem, fit, identification),
         "unchanged_at_a_distance": list(unchanged),
         "data_as_understood": {
@@ -306,10 +307,14 @@ def _parameters(
     identification: Identification,
     profiles: tuple[Profile, ...],
     samples: Posterior | None,
+    error_scale: float = 1.0,
 ) -> dict[str, dict[str, Any]]:
-    """The rows of the fitted values, each in its own unit, by label."""
+    """The rows of the fitted values, each in its own unit, by label.
+
+    `error_scale`: how many times as large as stated errors are made for the scaled ones.
+    """
     profile_of = {parameter.name: parameter for parameter in profiles}
-    scaled = np.sqrt(np.diag(covariance(information(fit, identification.error_scale))[0]))
+    scaled = widened_errors(fit, identification.widening, error_scale)
     table = {}
     for place, parameter in enumerate(problem.experiment.parameters):
         x = fit.values[place]
@@ -317,7 +322,7 @@ def _parameters(
         row = {
             "value": parameter.value(x),
             "standard_error": error * parameter.per_log(x) / x,
-            "scaled_standard_error": scaled[place] * parameter.per_log(x),
+            "scaled_standard_error": scaled[parameter.variable] * parameter.per_log(x) / x,
             "determined": identification.determined[parameter.variable],
             "status": identification.status[parameter.variable],
             "data_standard_error": identification.data_standard_errors[parameter.variable],

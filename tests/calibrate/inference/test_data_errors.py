@@ -6,6 +6,7 @@ import pytest
 
 import calibrate
 from calibrate import LogNormal
+from calibrate.inference import identify
 from calibrate.inference.data_errors import NEAR, data_errors
 from tests.calibrate.least_squares.test_fit import near
 
@@ -133,7 +134,11 @@ def test_a_slope_on_the_edge_of_a_front_is_no_error():
         return (level - jnp.array([0.0, 0.999, 1.0])) / 0.01
 
     priors = {"a": LogNormal(1.0, 2.0)}
-    found = calibrate.identify(calibrate.fit(residuals, {"a": 0.9991}, priors=priors))
+    fitted = calibrate.fit(residuals, {"a": 0.9991}, priors=priors)
+    found = calibrate.identify(fitted)
     # From the edge at -0.001 to that of the reading before: nothing changes between.
     assert found.data_standard_errors["a"] == near(0.5 * 0.4, rel=0.05)
     assert found.standard_errors["a"] == near(found.data_standard_errors["a"], rel=0.1)
+    # Errors of readings that are larger make none smaller.
+    scaled = identify.widened_errors(fitted, found.widening, 3.0)
+    assert scaled["a"] == near(3.0 * found.standard_errors["a"], rel=0.1)
