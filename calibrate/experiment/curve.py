@@ -14,13 +14,14 @@ from typing import NamedTuple
 from calibrate.experiment.readings import columns, decimals, rows
 from calibrate.experiment.readings.columns import Layout
 from calibrate.experiment.readings.points import Points, points
-from calibrate.experiment.readings.scatter import of_repeats, scatter
+from calibrate.experiment.readings.scatter import LEAST, scatter
 from calibrate.experiment.readings.sheet import CurveSheet as CurveSheet
 from calibrate.experiment.readings.table import Table, only_table
 from calibrate.experiment.readings.times import Times, times
 from calibrate.experiment.readings.understood import Understood
 from calibrate.experiment.readings.values import Tube, Values, values
-from calibrate.experiment.sample import FEWEST_REPEATS, Scatter
+from calibrate.experiment.repeats import scatter_of_repeats
+from calibrate.experiment.sample import Scatter
 from calibrate.experiment.units import TIME_UNITS
 from mrjax import InputError
 from mrjax.core.errors import shown
@@ -123,10 +124,11 @@ def _with_errors(
         )
     ordered = sorted(zip(when.seconds, readings.values, strict=True))
     times, values = [time for time, _ in ordered], [value for _, value in ordered]
-    error, freedom = of_repeats(times, values, top)
-    estimated = Scatter(error, freedom, "repeats")
-    if freedom < FEWEST_REPEATS:
+    repeated = scatter_of_repeats(times, values, relative=False)
+    if repeated is None:
         estimated = Scatter(scatter(times, values, top), 0.0, "assumed")
+    else:
+        estimated = repeated._replace(value=max(repeated.value, LEAST * top))
     return readings._replace(errors=[estimated.value] * len(readings.values)), estimated
 
 

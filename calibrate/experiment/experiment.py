@@ -2,7 +2,7 @@
 
 import math
 from collections import Counter, OrderedDict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -118,6 +118,13 @@ class Experiment:
     def medians(self) -> OrderedDict[str, float]:
         """The middle of what is believed, by variable."""
         return OrderedDict((one.variable, one.middle) for one in self.parameters)
+
+    def by_sample(self) -> Iterator[tuple[Sample, slice]]:
+        """Each sample, with the places of its measurements among those of all."""
+        first = 0
+        for sample in self.samples:
+            yield sample, slice(first, first + len(sample.measurements))
+            first += len(sample.measurements)
 
     def varied(self, sample: Sample) -> tuple[str, ...]:
         """Names of what is fitted of a sample."""

@@ -58,10 +58,7 @@ def advice(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[str]:
       predicted: each in its unit, (M,).
     """
     said: list[str] = []
-    first = 0
-    for sample in problem.experiment.samples:
-        place = slice(first, first + len(sample.measurements))
-        first = place.stop
+    for sample, place in problem.experiment.by_sample():
         said += _of_unit(problem.experiment, sample)
         curve = _curve(sample, predicted[place])
         if curve is not None:

@@ -11,8 +11,8 @@ from tqdm import tqdm
 
 from calibrate.inference.density import Density
 from calibrate.least_squares.interruptible import wait_for
+from mrjax.core.units import time_in_words
 from mrjax.io.checkpoint import Checkpoint, digest
-from mrjax.simulation.progress import in_words
 
 PIECE = 50
 """Runs that are kept together."""
@@ -88,7 +88,7 @@ def say_estimate(what: str, number: int, each: float, progress: bool) -> None:
       progress: whether to say it.
     """
     if progress:
-        line = f"posterior: about {what} of {in_words(each)}, {in_words(number * each)}"
+        line = f"posterior: about {what} of {time_in_words(each)}, {time_in_words(number * each)}"
         tqdm.write(line, file=sys.stderr)
 
 

@@ -33,15 +33,13 @@ class RunsTest(NamedTuple):
 
 def runs_tests(problem: Problem, fit: Fit) -> list[RunsTest]:
     """The test of each file whose readings have no stated error."""
-    found, first = [], 0
     if isinstance(problem.experiment, SimulatedExperiment):
         return _of_simulator(problem.experiment, fit)
-    for sample in problem.experiment.samples:
-        residuals = fit.residuals[first : first + len(sample.measurements)]
-        first += len(sample.measurements)
-        for observable, places in _files_without_errors(sample):
-            found.append(_test(sample.name, observable, residuals[places]))
-    return found
+    return [
+        _test(sample.name, observable, fit.residuals[of_sample][places])
+        for sample, of_sample in problem.experiment.by_sample()
+        for observable, places in _files_without_errors(sample)
+    ]
 
 
 def _of_simulator(experiment: SimulatedExperiment, fit: Fit) -> list[RunsTest]:

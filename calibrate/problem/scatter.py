@@ -97,10 +97,8 @@ def _estimated(problem: Problem, fit: Fit) -> Experiment:
     residuals = uncapped(fit) * problem.errors
     predicted = problem.measured + residuals
     robust = fit.robust is not None
-    first, samples = 0, []
-    for sample in problem.experiment.samples:
-        place = slice(first, first + len(sample.measurements))
-        first = place.stop
+    samples = []
+    for sample, place in problem.experiment.by_sample():
         of_sample = residuals[place], predicted[place], freedom[place], robust
         sample = _with_scatter_of_velocities(sample, *of_sample)
         sample = _with_scatter_of_curve(sample, *of_sample)
@@ -113,15 +111,14 @@ def places_of_scatter(problem: Problem, fit: Fit) -> list[np.ndarray]:
 
     None of a robust fit, and none of a scatter that is the least there can be.
     """
-    experiment, first, groups = problem.experiment, 0, []
-    for sample in experiment.samples:
-        groups += [
-            (first + np.flatnonzero(_of_table(sample)), sample.scatter),
-            (first + np.flatnonzero(_of_curve(sample)), sample.curve_scatter),
+    experiment, groups = problem.experiment, []
+    for sample, place in experiment.by_sample():
+        chosen = [
+            (_of_table(sample), sample.scatter),
+            (_of_curve(sample), sample.curve_scatter),
+            *((_of_local_table(sample, one), one.scatter) for one in sample.concentrations),
         ]
-        for table in sample.concentrations:
-            groups.append((first + np.flatnonzero(_of_local_table(sample, table)), table.scatter))
-        first += len(sample.measurements)
+        groups += [(place.start + np.flatnonzero(own), scatter) for own, scatter in chosen]
     if isinstance(scatter := getattr(experiment, "scatter", None), Scatter):  # of a simulator
         groups.append((np.arange(fit.residuals.size), scatter))
     return [

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from calibrate.experiment.readings import concentrations
+from calibrate.experiment.sample import Point
 from calibrate.experiment.units import CURVES, HEIGHT_UNITS, TIME_UNITS
 from calibrate.inference.identify import WITHOUT_PRIOR
 
@@ -54,6 +55,17 @@ def when(one: dict[str, Any]) -> str:
     if "concentration" not in one:
         return ""
     return f" at {concentrations.said(one['concentration_kind'], one['concentration'])}"
+
+
+def place_of_point(point: Point) -> dict[str, Any]:
+    """The height and time of a local concentration, as `fit.json` has them."""
+    return {
+        "table": point.table,
+        "height_m": point.height,
+        "height_unit": point.height_unit,
+        "time_s": point.time,
+        "time_unit": point.time_unit,
+    }
 
 
 def in_unit(seconds: float, unit: str) -> tuple[float, str]:

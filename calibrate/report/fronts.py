@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 from calibrate.experiment.sample import Point, Sample
-from calibrate.report.formatting import when
+from calibrate.report.formatting import place_of_point, when
 
 SHARP = 0.5
 """Predicted difference of neighbours, over the concentration of the suspension, that is a front."""
@@ -32,9 +32,10 @@ def unresolved_fronts(sample: Sample, predicted: Sequence[float]) -> Iterator[st
             told.add(before.table)
             yield (
                 f"sample {sample.name}, {before.table}: a sharp front passes between the readings"
-                f"{when(_place(before))} and{when(_place(after))}, and wherever it is between them "
-                "most predictions are the same: errors and intervals do not allow for that and may "
-                "be far too small; give more readings there, or the thickness of the beam"
+                f"{_when(before)} and{_when(after)}, and wherever it is between them "
+                "most predictions are the same: errors of predictions, and intervals, do not allow "
+                "for that and may be far too small; give more readings there, or the thickness of "
+                "the beam"
             )
 
 
@@ -47,11 +48,5 @@ def _distance(sample: Sample, before: Point, after: Point) -> float:
     return moved
 
 
-def _place(point: Point) -> dict:
-    return {
-        "observable": "volume_fraction",
-        "height_m": point.height,
-        "height_unit": point.height_unit,
-        "time_s": point.time,
-        "time_unit": point.time_unit,
-    }
+def _when(point: Point) -> str:
+    return when({"observable": "volume_fraction"} | place_of_point(point))

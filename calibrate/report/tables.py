@@ -24,6 +24,7 @@ from calibrate.inference.runs import runs_tests
 from calibrate.least_squares.fit import Fit
 from calibrate.least_squares.programs import pseudo_huber
 from calibrate.problem.problem import Problem
+from calibrate.report.formatting import place_of_point
 from calibrate.report.fronts import unresolved_fronts
 from calibrate.report.words import SAID
 from mrjax import Parameters, terminal_velocity
@@ -197,13 +198,11 @@ def _against_priors(problem: Problem, fit: Fit) -> Iterator[str]:
 
 def _fronts(problem: Problem, predicted: np.ndarray) -> list[str]:
     """Warnings about sharp fronts between readings of concentrations."""
-    first = 0
-    found: list[str] = []
-    for sample in problem.experiment.samples:
-        end = first + len(sample.measurements)
-        found += unresolved_fronts(sample, list(map(float, predicted[first:end])))
-        first = end
-    return found
+    return [
+        warning
+        for sample, places in problem.experiment.by_sample()
+        for warning in unresolved_fronts(sample, list(map(float, predicted[places])))
+    ]
 
 
 def _too_fast(problem: Problem, fit: Fit) -> Iterator[str]:
@@ -416,13 +415,7 @@ def _place(problem: Problem, sample: Sample | None, one: Measurement) -> dict[st
 def _where(one: Measurement, time: float | None, unit: str = "s") -> dict[str, Any]:
     """The time of a reading of a curve, or the concentration, or height and time, of a table's."""
     if one.point is not None:
-        return {
-            "table": one.point.table,
-            "height_m": one.point.height,
-            "height_unit": one.point.height_unit,
-            "time_s": one.point.time,
-            "time_unit": one.point.time_unit,
-        }
+        return place_of_point(one.point)
     if time is not None:
         return {"time_s": time, "time_unit": unit}
     if one.concentration is None:

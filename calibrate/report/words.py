@@ -188,13 +188,8 @@ def _absolute_scatter(one: dict[str, Any], text: Callable[[str], str]) -> str:
             f"{scatter}, {one['value']:.3g}{unit}, is that about parabolas through their "
             "neighbours: too few are free to tell it."
         )
-    whence = "repeats" if one["source"] == "repeats" else "their residuals"
     value = with_error(one["value"], one["standard_error"])
-    said = (
-        f"{scatter}, {value}{unit}, is estimated from {whence}, with "
-        f"{one['degrees_of_freedom']:.3g} degrees of freedom: errors of fitted values follow from "
-        "it, and intervals are those of Student's distribution."
-    )
+    said = _estimated(f"{scatter}, {value}{unit}", one)
     if one["source"] == "repeats" or one.get("of_initial", 0.0) < TOO_LARGE:
         return said
     return (
@@ -211,11 +206,16 @@ def _scatter(name: str, one: dict[str, Any], text: Callable[[str], str]) -> str:
     value, error = 100.0 * one["value"], 100.0 * one["standard_error"]
     if one["source"] == "assumed":
         return f"{scatter} is assumed, {value:.3g} %: too few readings tell it."
-    whence = "repeats" if one["source"] == "repeats" else "their residuals"
+    return _estimated(f"{scatter}, {with_error(value, error)} %", one)
+
+
+def _estimated(scatter: str, one: dict[str, Any]) -> str:
+    """The sentence about a scatter, in words with its value, that repeats or residuals tell."""
+    source = "repeats" if one["source"] == "repeats" else "their residuals"
     return (
-        f"{scatter}, {with_error(value, error)} %, is estimated from {whence}, with "
-        f"{one['degrees_of_freedom']:.3g} degrees of freedom: errors of fitted values follow from "
-        "it, and intervals are those of Student's distribution."
+        f"{scatter}, is estimated from {source}, with {one['degrees_of_freedom']:.3g} degrees of "
+        "freedom: errors of fitted values follow from it, and intervals are those of Student's "
+        "distribution."
     )
 
 

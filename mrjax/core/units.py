@@ -30,3 +30,11 @@ class Units:
     def velocity(self) -> float:
         """One reduced unit of velocity, m/s."""
         return self.length / self.time
+
+
+def time_in_words(seconds: float) -> str:
+    """A length of time with its unit."""
+    for unit, length in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
+        if seconds >= 2 * length:
+            return f"{seconds / length:.2g} {unit}"
+    return f"{seconds:.2g} s"

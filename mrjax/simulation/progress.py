@@ -6,6 +6,7 @@ from contextlib import contextmanager
 
 from tqdm import tqdm
 
+from mrjax.core.units import time_in_words
 from mrjax.simulation.pieces import PiecewiseRun
 
 LONG = 60.0
@@ -38,16 +39,8 @@ def announce(call: str, steps: float, particles: int) -> None:
             call,
             steps,
             particles,
-            in_words(seconds),
+            time_in_words(seconds),
         )
-
-
-def in_words(seconds: float) -> str:
-    """A length of time with its unit."""
-    for unit, length in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
-        if seconds >= 2 * length:
-            return f"{seconds / length:.2g} {unit}"
-    return f"{seconds:.2g} s"
 
 
 @contextmanager

@@ -16,7 +16,7 @@ from jax.tree_util import Partial
 
 import mrjax
 from mrjax.cli import exit_status
-from mrjax.core import interruption
+from mrjax.core import interruption, units
 from mrjax.dem import scan, schedule, sorting
 from mrjax.simulation import follow, pieces, progress
 from tests.builders import ROOT
@@ -290,7 +290,7 @@ def test_a_long_call_says_so_before_it_starts(caplog):
     "seconds, words", [(1.0, "1 s"), (119.0, "1.2e+02 s"), (120.0, "2 min"), (1e5, "28 h")]
 )
 def test_lengths_of_time_in_words(seconds, words):
-    assert progress.in_words(seconds) == words
+    assert units.time_in_words(seconds) == words
 
 
 def test_progress_shows_steps_time_and_what_is_left(small, capsys):

@@ -95,6 +95,31 @@ def alike(kind: str, other: str) -> bool:
     return first[:2] + first[3:] == second[:2] + second[3:]
 
 
+def kind_as_stated(kind: str | None, stated: str | None, column: str, at: str) -> str:
+    """The kind of a column of concentrations: that of its header, or as stated.
+
+    Args:
+      kind: that the header names, None where it names none.
+      stated: that of the experiment file.
+      column: name of the column.
+      at: place of the header, as messages name it.
+
+    Raises:
+      InputError: header and experiment file contradict each other, or neither names a kind.
+    """
+    if kind and stated and not alike(kind, stated):
+        raise InputError(
+            f"{at}: column {shown(column)} is of {kind}, and concentration = {shown(stated)} is "
+            "stated; mend the header, or take concentration away"
+        )
+    if not (kind or stated):
+        raise InputError(
+            f"{at}: column {shown(column)} does not say what its concentrations are; state "
+            f"concentration, one of {', '.join(KINDS)}"
+        )
+    return str(stated or kind)
+
+
 def said(kind: str, value: float) -> str:
     """A concentration in words."""
     return KINDS[kind].said.format(value)
@@ -146,10 +171,10 @@ def local_fraction(kind: str, value: float, recipe: Recipe) -> float:
 
 def _fraction(kind: str, value: float, recipe: Recipe) -> float | None:
     """Volume fraction of the uncoated particles; None where nothing has that concentration."""
-    of = KINDS[kind]
-    number = of.factor / value if of.inverse else of.factor * value
-    stated = _by_weight(number, recipe) if of.way == "particle" else {of.way: number}
-    possible = of.way not in ("particle", "volume_fraction") or number < 1.0
+    way, factor, _, inverse = KINDS[kind]
+    number = factor / value if inverse else factor * value
+    stated = _by_weight(number, recipe) if way == "particle" else {way: number}
+    possible = way not in ("particle", "volume_fraction") or number < 1.0
     if not possible or min(stated.values()) < 0.0:
         return None
     return Composition.model_construct(None, **stated).fraction(recipe.phases)

@@ -37,7 +37,7 @@ from mrjax.core.errors import shown
 FEWEST = 2
 """Readings of a table."""
 STEP = 1e-6
-"""Of the largest concentration: its difference gives the error of a volume fraction."""
+"""Step of a concentration, over the largest: its slope makes an error one of volume fractions."""
 
 
 class Written(NamedTuple):
@@ -55,9 +55,9 @@ class Axis(NamedTuple):
     values: list[float]
     """In s, or in m."""
     unit: str
-    """The unit in which a person tells them."""
+    """Unit in which a person tells them."""
     si: float
-    """That unit in s or m."""
+    """The unit in s or m."""
     form: str
     """Form in which they are written: a unit, `as hh:mm`, `as dates`."""
 
@@ -178,25 +178,14 @@ def _refuse_other_places(table: Table, found: LocalLayout, sheet: LocalSheet) ->
 def _kind(found: LocalLayout, sheet: LocalSheet) -> str:
     """Kind of the concentrations, from the header or as stated."""
     kinds = {kind_of(one.heading.written) for one in found.concentrations} - {None}
-    column = shown(found.concentrations[0].named)
     if len(kinds) > 1:
         raise InputError(
             f"{found.at}: columns of concentrations are of {' and '.join(sorted(map(str, kinds)))}"
             "; state columns of one kind"
         )
     kind = kinds.pop() if kinds else None
-    if kind and sheet.concentration and not concentrations.alike(kind, sheet.concentration):
-        raise InputError(
-            f"{found.at}: column {column} is of {kind}, and concentration = "
-            f"{shown(sheet.concentration)} is stated; mend the header, or take concentration away"
-        )
-    kind = sheet.concentration or kind
-    if kind is None:
-        raise InputError(
-            f"{found.at}: column {column} does not say what its concentrations are; state "
-            f"concentration, one of {', '.join(concentrations.KINDS)}"
-        )
-    return kind
+    column = found.concentrations[0].named
+    return concentrations.kind_as_stated(kind, sheet.concentration, column, found.at)
 
 
 def _written(table: Table, found: LocalLayout) -> tuple[list[Written], list[int]]:

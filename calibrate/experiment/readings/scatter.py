@@ -45,19 +45,6 @@ def scatter(times: list[float], values: list[float], height: float) -> float:
     return max(float(np.median(every)) / MEDIAN_OF_NORMAL, LEAST * height)
 
 
-def of_repeats(times: list[float], values: list[float], height: float) -> tuple[float, float]:
-    """The scatter of readings about the mean of their time, and its degrees of freedom.
-
-    Args:
-      times, values, height: as for `scatter`.
-    """
-    different, place, count = np.unique(times, return_inverse=True, return_counts=True)
-    read = np.asarray(values, float)
-    freedom = float(read.size - different.size)
-    square = float(np.sum((read - (np.bincount(place, read) / count)[place]) ** 2))
-    return max((square / max(freedom, 1.0)) ** 0.5, LEAST * height), freedom
-
-
 def _from_polynomial(
     time: np.ndarray, mean: np.ndarray, variance: np.ndarray, neighbours: int, inner: int
 ) -> np.ndarray:

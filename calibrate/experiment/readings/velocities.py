@@ -86,7 +86,13 @@ def read(
         "no sheet with concentration and velocity",
     )
     found = layout(table, sheet)
-    kind, unit, quantity = _kind(found, sheet), _unit(found, sheet), _quantity(found, sheet)
+    kind = concentrations.kind_as_stated(
+        kind_of(found.concentration.written),
+        sheet.concentration,
+        found.concentration.named,
+        found.at,
+    )
+    unit, quantity = _unit(found, sheet), _quantity(found, sheet)
     mark = decimals.decimal_mark(_cells(table, found), table.delimiter, sheet.decimal)
     readings: list[Velocity] = []
     left_out: list[int] = []
@@ -114,21 +120,6 @@ def read(
     )
     told = _understood(sheet, table, found, readings, kind, unit, quantity, tuple(left_out), mark)
     return Velocities(readings, VelocityUnit(unit.name), kind, told)
-
-
-def _kind(found: VelocityLayout, sheet: VelocitiesSheet) -> str:
-    """Kind of the concentrations, from the header or as stated."""
-    column = found.concentration
-    kind = kind_of(column.written)
-    if kind and sheet.concentration and not concentrations.alike(kind, sheet.concentration):
-        raise _contradiction(found, column, f"of {kind}", "concentration", sheet.concentration)
-    kind = sheet.concentration or kind
-    if kind is None:
-        raise InputError(
-            f"{found.at}: column {shown(column.named)} does not say what its concentrations are; "
-            f"state concentration, one of {', '.join(concentrations.KINDS)}"
-        )
-    return kind
 
 
 def _unit(found: VelocityLayout, sheet: VelocitiesSheet) -> VelocityUnit:

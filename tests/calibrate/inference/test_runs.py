@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from calibrate.experiment.experiment import Experiment
 from calibrate.experiment.sample import Concentration, Measurement, Point, Scatter
 from calibrate.inference.runs import as_few_runs, runs_tests
 
@@ -39,16 +40,14 @@ def test_readings_are_taken_in_the_order_of_their_concentration():
     sample = SimpleNamespace(
         name="A", measurements=measurements, curve=None, scatter=scatter, concentrations=()
     )
-    problem = SimpleNamespace(experiment=SimpleNamespace(samples=[sample]))
+    problem = SimpleNamespace(experiment=Experiment("mine", (sample,), ()))
     fit = SimpleNamespace(residuals=np.array([9.0, -1.0, 1.0, -1.0, 1.0]))
     (found,) = runs_tests(problem, fit)
     assert (found.sample, found.observable, found.readings) == ("A", "initial_velocity", 4)
     assert (found.runs, found.p_value) == (2, pytest.approx(2.0 / 6.0))
-    assert runs_tests(SimpleNamespace(experiment=SimpleNamespace(
-        samples=[SimpleNamespace(
-            name="A", measurements=(), curve=None, scatter=None, concentrations=()
-        )]
-    )), fit) == []  # fmt: skip
+    empty = SimpleNamespace(name="A", measurements=(), curve=None, scatter=None, concentrations=())
+    nothing = SimpleNamespace(experiment=Experiment("mine", (empty,), ()))
+    assert runs_tests(nothing, fit) == []
 
 
 def test_each_table_of_local_concentrations_has_its_runs():
@@ -64,7 +63,7 @@ def test_each_table_of_local_concentrations_has_its_runs():
     sample = SimpleNamespace(
         name="A", measurements=measurements, curve=None, scatter=None, concentrations=tables
     )
-    problem = SimpleNamespace(experiment=SimpleNamespace(samples=[sample]))
+    problem = SimpleNamespace(experiment=Experiment("mine", (sample,), ()))
     fit = SimpleNamespace(residuals=np.array([-1.0, -1.0, 1.0, 1.0, -1.0, 1.0]))
     (found,) = runs_tests(problem, fit)
     assert (found.sample, found.observable, found.readings, found.runs) == ("A", "low", 4, 2)
