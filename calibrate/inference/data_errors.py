@@ -74,7 +74,7 @@ def _error(fit: Fit, best: Valley, direction: np.ndarray, level: float) -> float
 
 def _straight(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, float]:
     """Where a straight valley leads for a unit of a product, (P,), and how far it rises by one."""
-    jacobian = np.asarray(fit.linearised(logs, fit.given)[0])[: fit.residuals.size]
+    jacobian = fit.at(logs).jacobian[: fit.residuals.size]
     if not np.isfinite(jacobian).all():
         return direction, 1.0
     information = jacobian.T @ jacobian
@@ -141,7 +141,7 @@ def _elsewhere(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> list[np.nda
 
     A bed that no reading has met makes up for a wrong velocity where it is higher.
     """
-    jacobian = np.asarray(fit.linearised(logs, fit.given)[0])[: fit.residuals.size]
+    jacobian = fit.at(logs).jacobian[: fit.residuals.size]
     seen = np.linalg.norm(jacobian, axis=0)
     unseen = (seen < RANK_TOLERANCE * max(seen.max(), 1e-300)) & (np.abs(direction) < 1e-12)
     believed = fit.prior_precision > 0.0
@@ -209,7 +209,7 @@ def _least(fit: Fit, logs: np.ndarray, free: np.ndarray, box: Bounds | None) -> 
         if (fit.box.clip(there) != there).any() and box is None:
             nothing = np.full(count, np.nan)
             return Point(np.inf, place, np.full((count, place.size), np.nan), nothing)
-        jacobian, value = map(np.asarray, fit.linearised(there, fit.given))
+        _, _, jacobian, value = fit.at(there)
         of_data = value[:count]
         return Point(half_square(of_data), place, jacobian[:count] @ free, of_data)
 

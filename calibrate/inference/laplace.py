@@ -12,7 +12,6 @@ from calibrate.inference.curvature import information
 from calibrate.inference.density import Density
 from calibrate.inference.proposal import LEAST_SHARE, Proposal
 from calibrate.least_squares import levenberg
-from calibrate.least_squares.evaluator import half_square
 from calibrate.least_squares.finish import is_settled
 from calibrate.least_squares.fit import Fit
 from calibrate.least_squares.levenberg import Point
@@ -66,10 +65,6 @@ def _refined(fit: Fit, logs: np.ndarray, steps: int) -> Point:
     """The optimum of the model near logarithms, (P,)."""
 
     def at(places: list[np.ndarray]) -> list[Point]:
-        points = []
-        for place in places:
-            jacobian, value = map(np.asarray, fit.linearised(place, fit.given))
-            points.append(Point(half_square(value), place, jacobian, value))
-        return points
+        return list(map(fit.at, places))
 
     return levenberg.minimise(at, at([logs]), fit.box, steps)[0][0]

@@ -32,8 +32,7 @@ def ends_early(
       middle, covariance: of the logarithms of the samples, (P,) and (P, P).
     """
     best = np.log(fit.values)
-    _, value = fit.linearised(best, fit.given)
-    enough = float(density.log_density(best, value)) + np.log(LEFT)
+    enough = float(density.log_density(best, fit.at(best).value)) + np.log(LEFT)
     return tuple(
         name
         for place, name in enumerate(fit.names)
@@ -53,9 +52,10 @@ def _largest(fit: Fit, density: Density, place: int, logs: np.ndarray) -> float:
         logs = fit.box.clip(logs)
         if logs[place] != held:
             return -np.inf
-        jacobian, value = map(np.asarray, fit.linearised(logs, fit.given))
-        if not (np.isfinite(jacobian).all() and np.isfinite(value).all()):
+        there = fit.at(logs)
+        if not there.finite:
             break
+        jacobian, value = there.jacobian, there.value
         largest = max(largest, float(density.log_density(logs, value)))
         if not free.any():
             break

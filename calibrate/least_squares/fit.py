@@ -21,7 +21,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from calibrate.least_squares.bounds import Bounds
-from calibrate.least_squares.evaluator import Evaluator, progress_bar
+from calibrate.least_squares.evaluator import Evaluator, half_square, progress_bar
 from calibrate.least_squares.finish import SETTLED_BELOW, finish, is_converged, is_settled
 from calibrate.least_squares.finite_differences import FiniteDifferences, Slopes
 from calibrate.least_squares.interruptible import stoppable
@@ -89,6 +89,11 @@ class Fit:
     """Bounds of the logarithms, (P,)."""
     slopes: Slopes | None = None
     """How slopes were taken by differences; None where JAX gives them."""
+
+    def at(self, logs: np.ndarray) -> Point:
+        """Residuals and slopes, priors included, at logarithms of the values, (P,)."""
+        jacobian, value = map(np.asarray, self.linearised(logs, self.given))
+        return Point(half_square(value), logs, jacobian, value)
 
     @property
     def chi_squared(self) -> float:
