@@ -46,7 +46,7 @@ class Valley(NamedTuple):
     """Half of chi-squared of the measurements."""
 
 
-def data_errors(fit: Fit, directions: np.ndarray, level: float = 1.0) -> np.ndarray:
+def data_errors(fit: Fit, directions: np.ndarray, level: float) -> np.ndarray:
     """Errors by the data alone of products of powers, in their logarithms, (K,).
 
     Infinite where chi-squared does not rise by one within a factor of e^10 or the bounds.

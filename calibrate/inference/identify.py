@@ -7,7 +7,7 @@ each value. Moving along the null space of J changes no prediction near the fit,
 say where on it to be.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.special import chdtrc
@@ -60,7 +60,7 @@ class Identification:
     """True where the data determine this value by itself."""
     standard_errors: dict[str, float]
     """Standard error of each value, data and prior together; infinite where both are silent. By
-    slopes, or as much wider as the profile of the data is."""
+    slopes, or wider where a profile or another optimum is."""
     data_standard_errors: dict[str, float]
     """Standard error of each logarithm by the data alone: half of its 68 % profile interval, or the
     distance to another optimum that the data do not exclude, where that is farther; infinite where
@@ -81,7 +81,7 @@ class Identification:
     error_scale: float = 1.0
     """By what the errors by the data alone are scaled: above 1 where the data do not fit."""
     widening: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    """How many times wider the profile of the data is than slopes say, (P,): 1, or much more."""
+    """How many times wider profiles, by data and priors, are than slopes say, (P,); 1 or more."""
 
 
 def identify(fit: Fit) -> Identification:
@@ -110,7 +110,7 @@ def identify(fit: Fit) -> Identification:
     by_profile = data_errors(fit, directions, scale**2)
     by_profile = np.maximum(by_profile, _between_optima(fit, directions, scale))
     errors[known] = by_profile[size:]
-    widening = _widening(by_profile[:size], scale * np.sqrt(np.diag(from_data)))
+    widening = _widening(fit, by_profile[:size], scale * np.sqrt(np.diag(from_data)))
     limits = np.array([_limit(direction, fit.prior_precision) for direction in rows])
     seen = errors <= limits
     near = ~seen & (near_by <= limits)
@@ -162,36 +162,46 @@ def _error_scale(fit: Fit, rank: int) -> float:
 
 
 def widened_errors(fit: Fit, widening: np.ndarray, error_scale: float = 1.0) -> dict[str, float]:
-    """Standard errors of values, as much wider than by slopes as the profiles of the data are.
-
-    Up to the width of the prior.
+    """Standard errors of values: by slopes, or wider where profiles or other optima are.
 
     Args:
       fit: where it ended.
       widening: that of `Identification`, (P,).
       error_scale: how many times as large as stated the errors of the readings are.
     """
-    wider = {}
-    by_slopes = standard_errors(fit, error_scale).items()
-    for (name, error), value, factor, precision in zip(
-        by_slopes, fit.values, widening, fit.prior_precision, strict=True
-    ):
-        most = value * precision**-0.5 if precision else np.inf
-        wider[name] = error if factor == 1.0 else max(error, min(error * float(factor), most))
-    return wider
+    apart = _between_optima(fit, np.eye(fit.values.size), error_scale)
+    with np.errstate(divide="ignore"):
+        widest = fit.prior_precision**-0.5
+    by_slopes = standard_errors(fit, error_scale)
+    return {
+        name: max(error, value * min(max(error / value * factor, other), most))
+        for (name, error), value, factor, other, most in zip(
+            by_slopes.items(), fit.values, widening, apart, widest, strict=True
+        )
+    }
 
 
-def _widening(by_data: np.ndarray, by_slopes: np.ndarray) -> np.ndarray:
-    """How many times wider the profiles of the data are than their slopes say; 1 or much more.
+def _widening(fit: Fit, by_data: np.ndarray, by_slopes: np.ndarray) -> np.ndarray:
+    """How many times wider profiles, by data and priors, are than slopes say, (P,); 1 or more.
 
     A reading on the edge of a front has a steep slope, and says little: beyond it nothing changes.
+    Looked at where the profile of the data alone is much wider than their slopes say.
 
     Args:
-      by_data, by_slopes: errors of the logarithms, (P,).
+      fit: where it ended.
+      by_data, by_slopes: errors of the logarithms by the data alone, (P,).
     """
-    known = np.isfinite(by_data) & (by_slopes > 0.0)
-    factor = np.where(known, by_data, 1.0) / np.where(known, by_slopes, 1.0)
-    return np.where(factor > MUCH_WIDER, factor, 1.0)
+    wider = np.ones(by_data.size)
+    slopes = np.array(list(standard_errors(fit).values())) / fit.values
+    chosen = np.isfinite(by_data) & np.isfinite(slopes) & (by_slopes > 0.0)
+    chosen &= by_data > MUCH_WIDER * by_slopes
+    if not chosen.any():
+        return wider
+    end = fit.at(np.log(fit.values))
+    with_priors = replace(fit, residuals=end.value, jacobian=end.jacobian)  # as if measured, too
+    profile = data_errors(with_priors, np.eye(by_data.size)[chosen], 1.0)
+    wider[chosen] = np.maximum(profile / slopes[chosen], 1.0)
+    return wider
 
 
 def _between_optima(fit: Fit, directions: np.ndarray, scale: float) -> np.ndarray:

@@ -8,6 +8,8 @@ import pytest
 import calibrate
 from calibrate import Experiment
 from calibrate.experiment.readings.scatter import LEAST
+from calibrate.experiment.repeats import scatter_of_repeats
+from calibrate.experiment.sample import Scatter
 from calibrate.problem.solve import fit_experiment
 from tests.calibrate.test_workflow import with_a_curve
 
@@ -88,3 +90,13 @@ def test_readings_without_noise_have_the_least_that_is_believed(tmp_path):
     experiment = experiment_of(tmp_path, np.linspace(0.0, 6.0, 12), noise=0.0)
     problem, _ = fit_experiment(experiment, "closed-form")
     assert problem.experiment.samples[0].curve_scatter.value == pytest.approx(100.0 * LEAST)
+
+
+def test_the_scatter_of_repeats_is_that_about_their_means():
+    """10, 12 and 3, 5, 4: squares of 2 and 2 about two means, with three degrees of freedom."""
+    at, values = [0.0, 0.0, 9.0, 9.0, 9.0], [10.0, 12.0, 3.0, 5.0, 4.0]
+    scatter = scatter_of_repeats(at, values, relative=False)
+    assert scatter == Scatter(pytest.approx((4.0 / 3.0) ** 0.5), 3.0, "repeats")
+    shares = scatter_of_repeats(at, values, relative=True)
+    assert shares.value == pytest.approx(((2 / 121 + 2 / 16) / 3.0) ** 0.5)
+    assert scatter_of_repeats(at[:4], values[:4], relative=False) is None

@@ -142,3 +142,29 @@ def test_a_slope_on_the_edge_of_a_front_is_no_error():
     # Errors of readings that are larger make none smaller.
     scaled = identify.widened_errors(fitted, found.widening, 3.0)
     assert scaled["a"] == near(3.0 * found.standard_errors["a"], rel=0.1)
+
+
+def test_what_is_not_seen_near_the_fit_makes_up_for_a_value():
+    """Without its bed, v rises by one 0.0668 from 1; a bed at the last reading leaves 0.1118."""
+
+    def residuals(theta):
+        line = jnp.maximum(1.0 - theta["v"] * jnp.array([0.2, 0.4, 0.6]), theta["bed"])
+        return (line - jnp.array([0.8, 0.6, 0.4])) / 0.05
+
+    bed, speed = errors_of(residuals, dict(v=1.0, bed=0.2), priors={"bed": LogNormal(0.2, 0.5)})
+    slow, fast = 0.05 / 0.56**0.5, 0.05 / 0.2**0.5
+    assert speed == near(0.5 * (np.log(1.0 + fast) - np.log(1.0 - slow)), rel=NEAR)
+    assert bed == np.inf
+
+
+def test_priors_of_others_bound_a_value_that_the_data_leave_wide():
+    """a b = 1 to a hundredth, and ln a between walls at -1 and 1; b is believed within a tenth."""
+
+    def residuals(theta):
+        a, b = jnp.log(theta["a"]), jnp.log(theta["b"])
+        return jnp.stack([(a + b) / 0.01, jnp.maximum(jnp.abs(a) - 1.0, 0.0) / 1e-3])
+
+    priors = {"b": LogNormal(1.0, 0.1)}
+    found = calibrate.identify(calibrate.fit(residuals, dict(a=1.0, b=1.0), priors=priors))
+    assert found.data_standard_errors["a"] == near(1.0, rel=NEAR)
+    assert found.standard_errors["a"] == near((0.1**2 + 0.01**2) ** 0.5, rel=NEAR)
