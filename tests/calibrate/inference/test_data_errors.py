@@ -168,3 +168,14 @@ def test_priors_of_others_bound_a_value_that_the_data_leave_wide():
     found = calibrate.identify(calibrate.fit(residuals, dict(a=1.0, b=1.0), priors=priors))
     assert found.data_standard_errors["a"] == near(1.0, rel=NEAR)
     assert found.standard_errors["a"] == near((0.1**2 + 0.01**2) ** 0.5, rel=NEAR)
+
+
+def test_a_large_chi_squared_of_few_readings_is_chance():
+    """Two readings of one number, 3.2 errors apart: 5.1 for one degree of freedom, p = 0.024."""
+
+    def residuals(theta):
+        return jnp.log(theta["a"]) / 0.1 + jnp.array([-1.6, 1.6])
+
+    fitted = calibrate.fit(residuals, dict(a=1.0))
+    assert fitted.chi_squared > 4.0
+    assert calibrate.identify(fitted).error_scale == 1.0

@@ -13,6 +13,7 @@ import calibrate
 import mrjax
 from calibrate import LogNormal
 from calibrate.inference.curvature import covariance, information
+from calibrate.inference.identify import widened_errors
 from calibrate.least_squares.optima import Optimum
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
@@ -313,7 +314,10 @@ def test_an_optimum_that_the_data_do_not_exclude_is_as_far_as_a_value_is_unknown
     fit = calibrate.fit(residuals, {"a": 1.0}, priors={"a": LogNormal(1.0, 3.0)})
     other = Optimum(3.0 * fit.values, 9.0, fit.chi_squared + rise)
     for also, far in ((other, not excluded), (other._replace(finished=False), False)):
-        found = calibrate.identify(replace(fit, optima=(*fit.optima, also)))
+        told = replace(fit, optima=(*fit.optima, also))
+        found = calibrate.identify(told)
+        scaled = widened_errors(told, found.widening, found.error_scale)["a"]
+        assert (scaled == near(np.log(3.0) * fit.values[0], rel=1e-6)) == far
         apart = near(np.log(3.0), rel=1e-9)
         assert (found.data_standard_errors["a"] == apart) == far
         assert found.determined["a"] != far
@@ -347,3 +351,16 @@ def test_next_to_nothing_is_left_out_of_a_product():
     (one,) = found.combinations
     assert (one.expression, one.exponents) == ("f", {"f": 1.0})
     assert one.value == near(1.0, rel=1e-6)
+
+
+def test_a_fit_that_its_priors_alone_determine_converges():
+    """Readings that tell nothing: every value ends at its median, and none is determined."""
+
+    def residuals(theta):
+        return jnp.array([0.3, -0.2]) + 0.0 * theta["a"]
+
+    priors = {"a": LogNormal(2.0, 0.5)}
+    found = calibrate.fit(residuals, {"a": 5.0}, priors=priors)
+    assert found.converged and float(found.theta["a"]) == near(2.0)
+    assert calibrate.identify(found).status == {"a": "prior only"}
+    assert not calibrate.fit(residuals, {"a": 5.0}).converged
