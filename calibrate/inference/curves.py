@@ -13,9 +13,9 @@ from calibrate.least_squares.interruptible import stoppable
 from calibrate.problem.problem import Problem
 from mrjax.core.promotion import relaxed_promotion
 
-SHARE, SHORTEST, LONGEST = 0.1, 1e-4, 1e-2
-"""Step of central differences in a logarithm: a part of its error, so that steps of the mudline
-from cell to cell, micrometres high, are not taken for slopes; and its ends."""
+SHARE = 0.1
+"""Step of central differences, in standard deviations of a direction of the fit's covariance: along
+a single value, predictions may change far more than its error lets them."""
 
 
 class PredictedCurve(NamedTuple):
@@ -51,12 +51,12 @@ def predicted_curves(problem: Problem, fit: Fit) -> tuple[PredictedCurve, ...]:
         return np.concatenate([np.asarray(one) for one in predict(logs)])
 
     best = np.log(fit.values)
-    known, _ = covariance(information(fit))
-    steps = np.clip(SHARE * np.sqrt(np.diag(known)), SHORTEST, LONGEST)
+    variances, axes = np.linalg.eigh(covariance(information(fit))[0])
+    deviations = (axes * np.sqrt(np.maximum(variances, 0.0))).T
     with stoppable(), relaxed_promotion():
         predicted = at(best)
-        slopes = np.stack([_slope(at, best, step) for step in np.diag(steps)])
-    errors = np.sqrt(np.maximum(np.einsum("pt,pq,qt->t", slopes, known, slopes), 0.0))
+        changes = [_change(at, best, one) for one in deviations]
+    errors = np.sqrt(np.sum(np.square(changes), axis=0))
     ends = np.cumsum([len(one) for one in times])[:-1]
     pieces = zip(curves, times, np.split(predicted, ends), np.split(errors, ends), strict=True)
     return tuple(
@@ -65,12 +65,13 @@ def predicted_curves(problem: Problem, fit: Fit) -> tuple[PredictedCurve, ...]:
     )
 
 
-def _slope(
-    at: Callable[[np.ndarray], np.ndarray], best: np.ndarray, step: np.ndarray
+def _change(
+    at: Callable[[np.ndarray], np.ndarray], best: np.ndarray, deviation: np.ndarray
 ) -> np.ndarray:
-    """Slope along a step, (P,), of one logarithm: central differences of fourth order, (T,)."""
+    """Change of predictions over a deviation, (P,): by differences of fourth order, (T,)."""
+    step = SHARE * deviation
     near, far = (at(best + n * step) - at(best - n * step) for n in (1.0, 2.0))
-    return (8.0 * near - far) / (12.0 * step.sum())
+    return (8.0 * near - far) / (12.0 * SHARE)
 
 
 def _theta(fit: Fit, values: jax.Array) -> dict[str, jax.Array]:

@@ -118,7 +118,7 @@ def _predictions(result: dict[str, Any]) -> str:
             [
                 one["sample"],
                 spelled(one["observable"]) + when(one),
-                f"{one['measured']:g} ± {one['sigma']:g}",
+                f"{one['measured']:g} ± {one['sigma']:.3g}",
                 with_error(one["predicted"], one["predicted_error"]),
                 one["unit"],
                 f"{(one['predicted'] - one['measured']) / one['sigma']:+.2f}",
@@ -221,7 +221,7 @@ def _left_out(rows: list[dict[str, Any]]) -> str:
             [
                 one["sample"],
                 spelled(one["observable"]) + when(one),
-                f"{one['measured']:g} ± {one['sigma']:g}",
+                f"{one['measured']:g} ± {one['sigma']:.3g}",
                 with_error(one["predicted"], one["predicted_error"]),
                 one["unit"],
                 off(one),
