@@ -140,21 +140,23 @@ def cli(
 
     loaded = Experiment.load(experiment)
     if not quiet and not as_json:
-        for name, one in loaded.data_as_understood.items():
-            echo(f"Sample {name}: {one.line}")
+        for name, file in loaded.data_as_understood.items():
+            echo(f"Sample {name}: {file.line}")
     _warn(loaded.warnings)  # before the work that it may save
     _refuse_options(model, begin_with, predict, like)
-    asked = Options(model, begin_with, starts, seed, robust, posterior, leave_one_out)
-    asked.refuse(loaded)
+    run_options = Options(model, begin_with, starts, seed, robust, posterior, leave_one_out)
+    run_options.refuse(loaded)
     if predict is not None:
-        asked = replace(asked, predict=_recipe(loaded, predict, like), like=like)
-        asked.refuse(loaded)
+        run_options = replace(run_options, predict=_recipe(loaded, predict, like), like=like)
+        run_options.refuse(loaded)
     folder = files.result_folder(Path(out))
-    work = dict(command="fit", experiment=loaded, model=model, **asked.fit_options, dtype=dtype)
+    work = dict(
+        command="fit", experiment=loaded, model=model, **run_options.fit_options, dtype=dtype
+    )
     writes = ["fit.json", "report.md", "report.html"]
     with checkpointed(folder, resume, quiet, writes, **work) as checkpoint:
         calibration = calibrate.run(
-            loaded, **asked.keywords, checkpoint=checkpoint, progress=not quiet
+            loaded, **run_options.keywords, checkpoint=checkpoint, progress=not quiet
         )
         result = calibration.write(folder, pdf=pdf, progress=not quiet)
     if as_json:
@@ -250,9 +252,9 @@ def _recipe(experiment: "Experiment", recipe: str, like: str | None) -> "Recipe"
     from mrjax import Recipe
 
     if like is None:
-        known = ", ".join(sample.name for sample in experiment.samples)
+        names = ", ".join(sample.name for sample in experiment.samples)
         raise InputError(
-            f"--predict {recipe}: say which sample's parameters it shares: --like, one of {known}"
+            f"--predict {recipe}: say which sample's parameters it shares: --like, one of {names}"
         )
     return Recipe.load(recipe)
 

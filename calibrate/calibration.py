@@ -193,9 +193,11 @@ class Calibration:
           SystemRefusal: the system refuses a file.
         """
         folder, result = result_folder(Path(folder)), self.tables()
-        drawn = figures.figures(self.problem, self.fit, result, self.profiles, self.posterior)
-        text = report.markdown(self.experiment.name, result["model"], result, drawn)
-        report.write(folder, text, result, drawn, pdf, progress=progress)
+        drawn_figures = figures.figures(
+            self.problem, self.fit, result, self.profiles, self.posterior
+        )
+        text = report.markdown(self.experiment.name, result["model"], result, drawn_figures)
+        report.write(folder, text, result, drawn_figures, pdf, progress=progress)
         return result
 
 
@@ -267,7 +269,7 @@ def run(
     # Outside the compiled fit a simulation checks itself and raises if not to be trusted.
     predictions = np.asarray(problem.predict(fit.theta))
     free = problem.experiment.scatter_freedom
-    held = profiles(fit, progress, free) if fit.converged else ()
+    profiles_of_values = profiles(fit, progress, free) if fit.converged else ()
     identified = identify(fit)
     unchanged = unchanged_at_a_distance(fit, identified) if fit.converged else ()
     calibration = Calibration(
@@ -277,7 +279,7 @@ def run(
         fit,
         identified,
         predictions,
-        held,
+        profiles_of_values,
         unchanged,
         predicted_curves(problem, fit),
     )
@@ -302,24 +304,24 @@ def _with_what_is_asked(
     """The calibration with samples and forecasts; what goes wrong with them is among its faults."""
     options, experiment, fit = calibration.options, calibration.experiment, calibration.fit
     faults: list[Exception] = []
-    more: dict[str, Any] = {}
+    results: dict[str, Any] = {}
     if options.posterior and fit.converged:
         with _collected(faults):
-            more["posterior"] = sample_posterior(
+            results["posterior"] = sample_posterior(
                 fit,
                 options.seed,
                 checkpoint=folders["posterior"],
                 progress=progress,
                 scatter=places_of_scatter(calibration.problem, fit),
                 uniform=[
-                    one.variable
-                    for one in experiment.parameters
-                    if one.bounds and one.prior is None
+                    parameter.variable
+                    for parameter in experiment.parameters
+                    if parameter.bounds and parameter.prior is None
                 ],
             )
     if options.leave_one_out:
         with _collected(faults):
-            more["left_out"] = tuple(
+            results["left_out"] = tuple(
                 forecast.leave_one_out(
                     calibration.problem.experiment,  # with errors, where these are estimated
                     options.model,
@@ -331,12 +333,12 @@ def _with_what_is_asked(
     if options.predict is not None and fit.converged:
         wider, sample = forecast.sample_like(experiment, options.predict, options.like or "")
         with _collected(faults):
-            more["new"] = tuple(
+            results["new"] = tuple(
                 forecast.forecast(
                     wider, fit, sample, options.model, options.seed, folders["forecast"]
                 )
             )
-    return replace(calibration, **more, faults=tuple(faults))
+    return replace(calibration, **results, faults=tuple(faults))
 
 
 @contextmanager

@@ -17,8 +17,8 @@ def refuse_parameters(sheet: ExperimentSheet, samples: tuple[Sample, ...], sourc
     for parameter in sheet.parameter:
         for name in parameter.samples or names_of:
             names_of[name].append(parameter.name)
-    made = {id(sample.recipe): sample.recipe for sample in samples}
-    leaves = {key: recipe.parameters() for key, recipe in made.items()}
+    recipes = {id(sample.recipe): sample.recipe for sample in samples}
+    leaves = {key: recipe.parameters() for key, recipe in recipes.items()}
     for sample in samples:
         for name in names_of[sample.name]:
             try:
@@ -31,7 +31,7 @@ def refuse_parameters(sheet: ExperimentSheet, samples: tuple[Sample, ...], sourc
 
 def _refuse_twice(name: str, sample: Sample, names: list[str]) -> None:
     """Refuses a quantity that another name, or the sample itself, gives as well."""
-    if name == "f_w" and (clash := sorted(one for one in names if one.startswith(CLOSURE))):
+    if name == "f_w" and (clash := sorted(other for other in names if other.startswith(CLOSURE))):
         raise InputError(f"f_w follows from {clash[0]}; fit one of the two")
     if name == "f_w" and sample.velocities is not None:
         raise InputError(
@@ -49,7 +49,7 @@ def refuse_a_file_twice(sheet: ExperimentSheet, folder: Path, source: str) -> No
     sample_of: dict[tuple, str] = {}
     for sample in sheet.sample:
         single = [(key, getattr(sample, key)) for key in ("curve", "velocities")]
-        for key, table in [*single, *(("concentration", one) for one in sample.concentration)]:
+        for key, table in [*single, *(("concentration", table) for table in sample.concentration)]:
             if table is None:
                 continue
             columns = table.columns.model_dump_json()
@@ -68,7 +68,7 @@ def odd_readings(sheet: ExperimentSheet, samples: tuple[Sample, ...], source: st
     for table, sample in zip(sheet.sample, samples, strict=True):
         if table.curve is not None:
             try:
-                said = plausibility.refuse_senseless(sample)
+                warnings = plausibility.refuse_senseless(sample)
             except InputError as error:
                 raise InputError(f"{source}: sample {sample.name!r}: {error}") from None
-            yield from (f"sample {sample.name!r}: {odd}" for odd in said)
+            yield from (f"sample {sample.name!r}: {odd}" for odd in warnings)

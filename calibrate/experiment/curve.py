@@ -70,59 +70,65 @@ def read(
     """
     table = only_table(
         rows.tables(sheet, folder),
-        lambda one: bool(columns.layout(one, sheet.columns).rows),
+        lambda table: bool(columns.layout(table, sheet.columns).rows),
         folder / sheet.file,
         "several sheets of readings",
         "no sheet with a time and a mudline",
     )
     layout = columns.layout(table, sheet.columns, sheet.time_unit, sheet.unit)
     columns.refuse_several_samples(table, layout.others, layout.rows)
-    written = points(table, layout, sheet.date_format)
-    cells = [cell for point in written.points for cell in (point.time, point.reading, point.error)]
+    cells_of_readings = points(table, layout, sheet.date_format)
+    cells = [
+        cell
+        for point in cells_of_readings.points
+        for cell in (point.time, point.reading, point.error)
+    ]
     mark = decimals.decimal_mark(filter(None, cells), table.delimiter, sheet.decimal)
     head = layout.time.heading
     if layout.date is not None:
         head = head._replace(name="time of day")
-    when = times([point.time for point in written.points], head, sheet, mark)
-    readings = values(written.points, layout, sheet, Tube(height, tube_diameter), mark)
-    if min(when.seconds) == max(when.seconds):
+    times_read = times([point.time for point in cells_of_readings.points], head, sheet, mark)
+    readings = values(cells_of_readings.points, layout, sheet, Tube(height, tube_diameter), mark)
+    if min(times_read.seconds) == max(times_read.seconds):
         raise InputError(f"{table.path}: has readings at one time alone; give a second time")
-    readings, estimated = _with_errors(readings, when, height, table)
+    readings, estimated = _with_errors(readings, times_read, height, table)
     errors = "estimated" if estimated else "stated"
-    order = sorted(range(len(readings.values)), key=lambda place: when.seconds[place])
-    when = when._replace(seconds=[when.seconds[place] for place in order])
+    order = sorted(range(len(readings.values)), key=lambda place: times_read.seconds[place])
+    times_read = times_read._replace(seconds=[times_read.seconds[place] for place in order])
     readings = readings._replace(
         values=[readings.values[place] for place in order],
         errors=[readings.errors[place] for place in order],
     )
-    understood = _understood(sheet, table, layout, written, when, readings, errors, mark)
+    understood = _understood(
+        sheet, table, layout, cells_of_readings, times_read, readings, errors, mark
+    )
     return Curve(
         readings.observable,
-        when.seconds,
+        times_read.seconds,
         readings.values,
         readings.errors,
         readings.unit,
         readings.si,
-        [written.points[place].row.number for place in order],
+        [cells_of_readings.points[place].row.number for place in order],
         understood,
         estimated,
     )
 
 
 def _with_errors(
-    readings: Values, when: Times, height: float | None, table: Table
+    readings: Values, times_read: Times, height: float | None, table: Table
 ) -> tuple[Values, Scatter | None]:
     """Readings with errors, and the scatter that these are of; None where they are stated."""
     if not any(map(math.isnan, readings.errors)):
         return readings, None
-    whole = 1.0 if readings.observable == "sedimentation_ratio" else height or 0.0
-    top = whole / readings.si
+    full_height = 1.0 if readings.observable == "sedimentation_ratio" else height or 0.0
+    top = full_height / readings.si
     if not top:
         raise InputError(
             f"{table.path}: no point has an error; give {ERROR} in the experiment file, or a "
             "column of it"
         )
-    ordered = sorted(zip(when.seconds, readings.values, strict=True))
+    ordered = sorted(zip(times_read.seconds, readings.values, strict=True))
     times, values = [time for time, _ in ordered], [value for _, value in ordered]
     repeated = scatter_of_repeats(times, values, relative=False)
     if repeated is None:
@@ -136,33 +142,33 @@ def _understood(
     sheet: CurveSheet,
     table: Table,
     layout: Layout,
-    written: Points,
-    when: Times,
+    cells_of_readings: Points,
+    times_read: Times,
     readings: Values,
     errors: str,
     mark: str,
 ) -> Understood:
     """Record of how the file was read; its readings are in the order of their times."""
-    named = [one.named for one in layout.readings]
-    time = " and ".join(shown(one.named) for one in (layout.date, layout.time) if one)
+    named = [column.named for column in layout.readings]
+    time = " and ".join(shown(column.named) for column in (layout.date, layout.time) if column)
     used: dict[str, str] = {"time": time, layout.readings[0].role: " and ".join(map(shown, named))}
     if layout.errors:
-        used[ERROR] = " and ".join(shown(one.named) for one in layout.errors)
-    first, last = (when.seconds[place] / TIME_UNITS[when.unit] for place in (0, -1))
+        used[ERROR] = " and ".join(shown(column.named) for column in layout.errors)
+    first, last = (times_read.seconds[place] / TIME_UNITS[times_read.unit] for place in (0, -1))
     return Understood(
         file=sheet.file,
         read_as=table.facts | ({"decimal": "decimal commas"} if mark == "," else {}),
         columns=used,
         observable=readings.observable,
-        time_form=when.form,
-        time_unit=when.unit,
+        time_form=times_read.form,
+        time_unit=times_read.unit,
         unit=readings.unit,
         readings=len(readings.values),
         first=(first, readings.values[0]),
         last=(last, readings.values[-1]),
         errors=errors,
         standard_deviation=(min(readings.errors), max(readings.errors)),
-        ignored_columns=tuple(one.named for one in layout.others),
-        left_out=tuple(written.left_out),
+        ignored_columns=tuple(column.named for column in layout.others),
+        left_out=tuple(cells_of_readings.left_out),
         row_word=table.word,
     )

@@ -58,16 +58,16 @@ class Experiment:
         refuse_a_file_twice(sheet, path.parent, str(source))
         warnings = tuple(odd_readings(sheet, samples, str(source)))
         names = [sample.name for sample in samples]
-        given = Counter(parameter.name for parameter in sheet.parameter)
+        count_of = Counter(parameter.name for parameter in sheet.parameter)
         refuse_parameters(sheet, samples, str(source))
         experiment = cls(
             sheet.name,
             samples,
             tuple(
-                one
+                free
                 for parameter in sheet.parameter
                 if parameter.value is None
-                for one in free_parameters(parameter, names, once=given[parameter.name] == 1)
+                for free in free_parameters(parameter, names, once=count_of[parameter.name] == 1)
             ),
             tuple(
                 (name, parameter.name, parameter.value)
@@ -83,7 +83,7 @@ class Experiment:
     @property
     def start(self) -> OrderedDict[str, float]:
         """Start of the search, by variable: the medians, unless stated otherwise."""
-        return OrderedDict((one.variable, one.start) for one in self.parameters)
+        return OrderedDict((parameter.variable, parameter.start) for parameter in self.parameters)
 
     @property
     def data_as_understood(self) -> dict[str, FileUnderstood]:
@@ -105,19 +105,21 @@ class Experiment:
     @property
     def errors(self) -> str:
         """`stated`, or `estimated` where those of any file are."""
-        all_stated = all(one.errors == "stated" for one in self.data_as_understood.values())
+        all_stated = all(file.errors == "stated" for file in self.data_as_understood.values())
         return "stated" if all_stated else "estimated"
 
     @property
     def scatter_freedom(self) -> float:
         """Least degrees of freedom of an estimated scatter; infinite without one."""
-        scatters = [scatter for one in self.samples for scatter in one.scatters]
-        return min((one.degrees_of_freedom or math.inf for one in scatters), default=math.inf)
+        scatters = [scatter for sample in self.samples for scatter in sample.scatters]
+        return min(
+            (scatter.degrees_of_freedom or math.inf for scatter in scatters), default=math.inf
+        )
 
     @property
     def medians(self) -> OrderedDict[str, float]:
         """The middle of what is believed, by variable."""
-        return OrderedDict((one.variable, one.middle) for one in self.parameters)
+        return OrderedDict((parameter.variable, parameter.middle) for parameter in self.parameters)
 
     def by_sample(self) -> Iterator[tuple[Sample, slice]]:
         """Each sample, with the places of its measurements among those of all."""
@@ -128,7 +130,9 @@ class Experiment:
 
     def varied(self, sample: Sample) -> tuple[str, ...]:
         """Names of what is fitted of a sample."""
-        return tuple(one.name for one in self.parameters if sample.name in one.samples)
+        return tuple(
+            parameter.name for parameter in self.parameters if sample.name in parameter.samples
+        )
 
     def suspension_of(self, sample: Sample, theta: Mapping[str, ArrayLike]) -> Suspension:
         """The sample with the held and the fitted values in their places.
@@ -139,9 +143,9 @@ class Experiment:
         """
         held = {quantity: value for name, quantity, value in self.held if name == sample.name}
         changes = {
-            one.name: one.value(theta[one.variable])
-            for one in self.parameters
-            if sample.name in one.samples
+            parameter.name: parameter.value(theta[parameter.variable])
+            for parameter in self.parameters
+            if sample.name in parameter.samples
         }
         bed = None if sample.bed_fraction == "particles" else sample.bed_fraction
         return suspension(sample.recipe, bed, held | changes)

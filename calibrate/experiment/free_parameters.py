@@ -45,7 +45,7 @@ class PriorSheet(Sheet):
                 f"{at}: give either median, the middle of what is believed, or value, to hold it"
             )
         fitted = (self.bounds, self.log_standard_deviation, self.standard_deviation, self.start)
-        if self.value is not None and any(one is not None for one in fitted):
+        if self.value is not None and any(value is not None for value in fitted):
             raise ValueError(
                 f"{at}: value = {self.value:g} holds it; leave out prior, bounds and start"
             )
@@ -86,9 +86,9 @@ class ParameterSheet(PriorSheet):
 
     @model_validator(mode="after")
     def _a_fraction(self) -> Self:
-        given = (self.value, self.median, self.start, *(self.bounds or ()))
-        ends = [one for one in given if one is not None]
-        if self.name == BED and not all(0 <= one <= 1 for one in ends):
+        stated = (self.value, self.median, self.start, *(self.bounds or ()))
+        ends = [value for value in stated if value is not None]
+        if self.name == BED and not all(0 <= value <= 1 for value in ends):
             raise ValueError(
                 f"parameter {shown(self.name)}: {max(ends, key=abs):g} is no volume fraction; give "
                 "values between 0 and 1, such as 0.6"
@@ -170,7 +170,7 @@ def free_parameters(
     if not sheet.per_sample:
         label = sheet.name if once else f"{sheet.name}[{', '.join(samples)}]"
         return [free_parameter(sheet, label, samples)]
-    return [free_parameter(sheet, f"{sheet.name}[{one}]", (one,)) for one in samples]
+    return [free_parameter(sheet, f"{sheet.name}[{sample}]", (sample,)) for sample in samples]
 
 
 def free_parameter(sheet: PriorSheet, label: str, samples: tuple[str, ...] = ()) -> FreeParameter:

@@ -32,18 +32,20 @@ def read_all(
     tables: list[LocalTable] = []
     measurements: list[Measurement] = []
     for sheet in sheets:
-        name = _name(sheet, (one.name for one in tables))
-        found = _read(sheet, folder, recipe, height)
-        tables.append(LocalTable(name, found.unit, found.understood, _scatter(found, recipe)))
-        measurements += _measurements(sheet, found, tables[-1], len(measurements))
+        name = _name(sheet, (table.name for table in tables))
+        table_read = _read(sheet, folder, recipe, height)
+        tables.append(
+            LocalTable(name, table_read.unit, table_read.understood, _scatter(table_read, recipe))
+        )
+        measurements += _measurements(sheet, table_read, tables[-1], len(measurements))
     return tables, measurements
 
 
-def _name(sheet: LocalSheet, taken: Iterable[str]) -> str:
+def _name(sheet: LocalSheet, names: Iterable[str]) -> str:
     """A name of one table, with a number where another has its place."""
-    what = "concentration" if sheet.height is not None else "profile"
-    name = f"{what} {local_concentrations.said_place(sheet)}"
-    alike = sum(one.split(", table")[0] == name for one in taken)
+    kind = "concentration" if sheet.height is not None else "profile"
+    name = f"{kind} {local_concentrations.said_place(sheet)}"
+    alike = sum(other.split(", table")[0] == name for other in names)
     return f"{name}, table {alike + 1}" if alike else name
 
 
@@ -66,36 +68,48 @@ def _thickness(sheet: LocalSheet, height: float) -> float:
     return THICKNESS * height if sheet.thickness is None else sheet.thickness
 
 
-def _scatter(found: LocalConcentrations, recipe: Recipe) -> Scatter | None:
+def _scatter(table_read: LocalConcentrations, recipe: Recipe) -> Scatter | None:
     """The scatter of a table in its unit: of repeats, or one to begin with; None if stated."""
-    if found.understood.errors == "stated":
+    if table_read.understood.errors == "stated":
         return None
-    size = recipe.volume_fraction / RATIO_UNITS[found.unit]
-    values = [one.value / RATIO_UNITS[found.unit] for one in found.readings]
-    repeated = scatter_of_repeats([one.at for one in found.readings], values, relative=False)
+    size = recipe.volume_fraction / RATIO_UNITS[table_read.unit]
+    values = [reading.value / RATIO_UNITS[table_read.unit] for reading in table_read.readings]
+    repeated = scatter_of_repeats(
+        [reading.at for reading in table_read.readings], values, relative=False
+    )
     if repeated is None:
         return Scatter(BEFORE_THE_FIT * size, 0.0, "assumed")
     return repeated._replace(value=max(repeated.value, LEAST_SCATTER * size))
 
 
 def _measurements(
-    sheet: LocalSheet, found: LocalConcentrations, table: LocalTable, first: int
+    sheet: LocalSheet, table_read: LocalConcentrations, table: LocalTable, first: int
 ) -> list[Measurement]:
     """The readings of a table; the first of them has a place among those of its sample."""
-    si = RATIO_UNITS[found.unit]
-    thickness = found.understood.thickness
+    si = RATIO_UNITS[table_read.unit]
+    thickness = table_read.understood.thickness
     measurements = []
-    for place, one in enumerate(found.readings, start=first):
+    for place, reading in enumerate(table_read.readings, start=first):
         if sheet.height is not None:
-            point = Point(sheet.height, one.at, thickness, place, table.name, "m", found.axis.unit)
+            point = Point(
+                sheet.height, reading.at, thickness, place, table.name, "m", table_read.axis.unit
+            )
         else:
             unit = sheet.time_unit or "s"
             time = (sheet.time or 0.0) * TIME_UNITS[unit]
-            point = Point(one.at, time, thickness, place, table.name, found.axis.unit, unit)
-        error = one.error / si if table.scatter is None else table.scatter.value
+            point = Point(
+                reading.at, time, thickness, place, table.name, table_read.axis.unit, unit
+            )
+        error = reading.error / si if table.scatter is None else table.scatter.value
         measurements.append(
             Measurement(
-                "volume_fraction", one.value / si, error, found.unit, si, row=one.row, point=point
+                "volume_fraction",
+                reading.value / si,
+                error,
+                table_read.unit,
+                si,
+                row=reading.row,
+                point=point,
             )
         )
     return measurements

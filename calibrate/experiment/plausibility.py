@@ -46,16 +46,16 @@ class Readings(NamedTuple):
 
     def said(self, place: int) -> str:
         """A reading in words: its row, its value and its time."""
-        one = self.curve[place]
-        return f"{self._row(one)}{self.value(place)}"
+        measurement = self.curve[place]
+        return f"{self._row(measurement)}{self.value(place)}"
 
     def value(self, place: int) -> str:
         """Value and time of a reading, as its file has them."""
-        one, file = self.curve[place], self.sample.curve
+        measurement, file = self.curve[place], self.sample.curve
         name = file.time_unit if file else "s"
-        unit = "" if one.unit == "1" else f" {one.unit}"
+        unit = "" if measurement.unit == "1" else f" {measurement.unit}"
         time = self.times[place] / TIME_UNITS[name]
-        return f"{one.observable} = {one.value:g}{unit} at {time:g} {name}"
+        return f"{measurement.observable} = {measurement.value:g}{unit} at {time:g} {name}"
 
     @property
     def tube(self) -> str:
@@ -63,9 +63,9 @@ class Readings(NamedTuple):
         of_volume = self.curve[0].unit in VOLUME_UNITS
         return "tube_diameter or height" if of_volume else "height"
 
-    def _row(self, one: Measurement) -> str:
+    def _row(self, measurement: Measurement) -> str:
         file = self.sample.curve
-        return "" if file is None else f"{file.file}, {file.row_word} {one.row}: "
+        return "" if file is None else f"{file.file}, {file.row_word} {measurement.row}: "
 
 
 def refuse_senseless(sample: Sample) -> list[str]:
@@ -74,7 +74,7 @@ def refuse_senseless(sample: Sample) -> list[str]:
     Raises:
       InputError: a reading that cannot be: its row, its value, why, and what to mend.
     """
-    curve = [one for one in sample.measurements if one.observable in CURVES]
+    curve = [measurement for measurement in sample.measurements if measurement.observable in CURVES]
     if not curve:
         return []
     readings = _beside_the_tube(sample, curve)
@@ -90,15 +90,17 @@ def refuse_senseless(sample: Sample) -> list[str]:
 def _beside_the_tube(sample: Sample, curve: list[Measurement]) -> Readings:
     of_height = curve[0].observable == "sedimentation_ratio"
     top = 1.0 if of_height else sample.height
-    error = np.array([one.standard_deviation * one.si / top for one in curve])
+    error = np.array(
+        [measurement.standard_deviation * measurement.si / top for measurement in curve]
+    )
     if sample.curve is not None and sample.curve.errors != "stated":
         error = np.full_like(error, SHARE / ERRORS)
     return Readings(
         sample,
         curve,
-        np.array([one.value * one.si / top for one in curve]),
+        np.array([measurement.value * measurement.si / top for measurement in curve]),
         error,
-        np.array([sample.times[one.place or 0] for one in curve]),
+        np.array([sample.times[measurement.place or 0] for measurement in curve]),
     )
 
 
@@ -213,28 +215,30 @@ def oddities(samples: Sequence[Sample], suspensions: Iterable[Suspension]) -> It
 
 
 def _readings(sample: Sample) -> tuple:
-    measurements = [one._replace(row=None) for one in sample.measurements]
+    measurements = [measurement._replace(row=None) for measurement in sample.measurements]
     return measurements, sample.times, sample.recipe if not sample.times else None
 
 
 def _absurd_speed(sample: Sample, suspension: Suspension) -> Iterator[str]:
     """A speed far from that of the recipe with the medians; of a table the first one is told."""
     expected = _expected(suspension)
-    for one in sample.measurements:
-        if one.observable == "initial_velocity":
-            at, where = expected, ""
-            if one.concentration is not None:
-                at = _expected(suspension.at(one.concentration.volume_fraction))
-                where = f" at {one.concentration.said}"
-            ratio = one.value * one.si / at
+    for measurement in sample.measurements:
+        if measurement.observable == "initial_velocity":
+            expected_here, where = expected, ""
+            if measurement.concentration is not None:
+                expected_here = _expected(suspension.at(measurement.concentration.volume_fraction))
+                where = f" at {measurement.concentration.said}"
+            ratio = measurement.value * measurement.si / expected_here
             if not 1.0 / ABSURD < ratio < ABSURD:
                 yield (
-                    f"sample {sample.name!r}: initial_velocity = {one.value:g} {one.unit}{where} "
+                    f"sample {sample.name!r}: initial_velocity = {measurement.value:g} "
+                    f"{measurement.unit}{where} "
                     f"is {ratio:.2g} times what its recipe gives with the medians, "
-                    f"{at / one.si:.2g} {one.unit}: check unit, viscosity and diameter"
+                    f"{expected_here / measurement.si:.2g} {measurement.unit}: check unit, "
+                    "viscosity and diameter"
                 )
                 break
-    fastest = max((_speed(sample, one) for one in sample.measurements), default=0.0)
+    fastest = max((_speed(sample, measurement) for measurement in sample.measurements), default=0.0)
     if fastest > ABSURD * expected:
         yield (
             f"sample {sample.name!r}: its curve falls {fastest / expected:.2g} times faster than "
@@ -249,9 +253,11 @@ def _denser_than_bed(sample: Sample, suspension: Suspension) -> Iterator[str]:
     bed /= sample.recipe.radius_factor**3
     for table in sample.concentrations:
         readings = [
-            one for one in sample.measurements if one.point and one.point.table == table.name
+            measurement
+            for measurement in sample.measurements
+            if measurement.point and measurement.point.table == table.name
         ]
-        largest = max(readings, key=lambda one: one.value)
+        largest = max(readings, key=lambda measurement: measurement.value)
         if largest.value * largest.si > DENSER_THAN_BED * bed:
             file = table.understood
             yield (
@@ -266,10 +272,13 @@ def _expected(suspension: Suspension) -> float:
     return float(np.abs(np.mean(np.asarray(terminal_velocity(suspension.parameters)))))
 
 
-def _speed(sample: Sample, one: Measurement) -> float:
+def _speed(sample: Sample, measurement: Measurement) -> float:
     """Mean speed of a mudline from time 0 to a reading, m/s; 0 of another measurement."""
-    if one.observable not in CURVES or not sample.times[one.place or 0]:
+    if measurement.observable not in CURVES or not sample.times[measurement.place or 0]:
         return 0.0
-    scale = sample.height if one.observable == "sedimentation_ratio" else 1.0
-    fallen = sample.height - (one.value + ERRORS * one.standard_deviation) * one.si * scale
-    return fallen / sample.times[one.place or 0]
+    scale = sample.height if measurement.observable == "sedimentation_ratio" else 1.0
+    fallen = (
+        sample.height
+        - (measurement.value + ERRORS * measurement.standard_deviation) * measurement.si * scale
+    )
+    return fallen / sample.times[measurement.place or 0]

@@ -142,7 +142,9 @@ class Sample:
     @property
     def readings_of_curve(self) -> tuple[Measurement, ...]:
         """The readings of its curve."""
-        return tuple(one for one in self.measurements if one.place is not None)
+        return tuple(
+            measurement for measurement in self.measurements if measurement.place is not None
+        )
 
     @property
     def time_unit(self) -> str:
@@ -152,10 +154,14 @@ class Sample:
     @property
     def scatters(self) -> tuple[Scatter, ...]:
         """The scatter of each file without stated errors."""
-        every = (self.scatter, self.curve_scatter, *(one.scatter for one in self.concentrations))
-        return tuple(one for one in every if one is not None)
+        scatters = (
+            self.scatter,
+            self.curve_scatter,
+            *(table.scatter for table in self.concentrations),
+        )
+        return tuple(scatter for scatter in scatters if scatter is not None)
 
     @property
     def scatter_to_fit(self) -> bool:
         """True if the scatter of the readings of a file is estimated with the fit."""
-        return any(one.source != "repeats" for one in self.scatters)
+        return any(scatter.source != "repeats" for scatter in self.scatters)

@@ -67,7 +67,7 @@ def read_sample(
         table.understood if table else None,
         table.scatter if table else None,
         curve_scatter,
-        tuple(one.point for one in local if one.point is not None),
+        tuple(measurement.point for measurement in local if measurement.point is not None),
         tuple(tables),
     )
 

@@ -147,18 +147,20 @@ class Simulator:
         Raises:
           InputError: one that cannot be used.
         """
-        return {name: _sheet(name, one) for name, one in self.parameters.items()}
+        return {name: _sheet(name, table) for name, table in self.parameters.items()}
 
     @property
     def free(self) -> tuple[FreeParameter, ...]:
         """Free parameters, in the order of the values of a fit."""
         tables = self._sheets.items()
-        return tuple(free_parameter(one, name) for name, one in tables if one.value is None)
+        return tuple(free_parameter(table, name) for name, table in tables if table.value is None)
 
     @property
     def held(self) -> dict[str, float]:
         """Values that are held, by name."""
-        return {name: one.value for name, one in self._sheets.items() if one.value is not None}
+        return {
+            name: table.value for name, table in self._sheets.items() if table.value is not None
+        }
 
     @property
     def model(self) -> str:
@@ -214,28 +216,30 @@ class SimulatedExperiment(Experiment):
     @property
     def measurements(self) -> list[Measurement]:
         """The readings with their errors."""
-        one = self.simulator
-        readings = np.asarray(one.readings)
-        names = one.labels or [one.quantity] * readings.size
+        simulator = self.simulator
+        readings = np.asarray(simulator.readings)
+        names = simulator.labels or [simulator.quantity] * readings.size
         return [
-            Measurement(name, float(value), float(error), one.unit, 1.0, row=place)
+            Measurement(name, float(value), float(error), simulator.unit, 1.0, row=place)
             for place, (name, value, error) in enumerate(
                 zip(names, readings, self.standard_deviations, strict=True)
             )
         ]
 
 
-def _sheet(name: str, one: ParameterTable) -> SimulatorParameter:
+def _sheet(name: str, parameter: ParameterTable) -> SimulatorParameter:
     """The validated table of a parameter.
 
     Raises:
       InputError: it cannot be used.
     """
-    if isinstance(one, LogNormal):
-        one = one._asdict()
-    elif not isinstance(one, Mapping):
-        one = {"median": one}
-    table = {key: list(x) if isinstance(x, tuple | np.ndarray) else x for key, x in one.items()}
+    if isinstance(parameter, LogNormal):
+        parameter = parameter._asdict()
+    elif not isinstance(parameter, Mapping):
+        parameter = {"median": parameter}
+    table = {
+        key: list(x) if isinstance(x, tuple | np.ndarray) else x for key, x in parameter.items()
+    }
     if table.get("value") is None and table.get("median") is None:
         table["median"] = table.get("start")
     bounds = table.get("bounds")
@@ -250,29 +254,29 @@ def _sheet(name: str, one: ParameterTable) -> SimulatorParameter:
         raise InputError(str(error).replace(f"parameter {shown(name)}: ", "", 1)) from None
 
 
-def _numbers(given: Any, what: str, shape: tuple[int, ...] | None = None) -> np.ndarray:
+def _numbers(numbers: Any, name: str, shape: tuple[int, ...] | None = None) -> np.ndarray:
     """A vector of finite numbers.
 
     Args:
-      given: by the user; one number stands for all of a shape.
-      what: its name in a message.
-      shape: what it must have; None for any of one axis.
+      numbers: as the user gave them; a single number is repeated to the shape.
+      name: of the array, as messages name it.
+      shape: required shape; None for any array of one axis.
 
     Raises:
       InputError: it is none.
     """
     try:
-        array = np.array(given, float)
+        array = np.array(numbers, float)
     except (TypeError, ValueError):
-        raise InputError(f"{what} = {shown(given)}: must be numbers") from None
+        raise InputError(f"{name} = {shown(numbers)}: must be numbers") from None
     if shape is not None and not array.ndim:
         array = np.full(shape, array)
     if array.ndim != 1 or (shape is not None and array.shape != shape):
         wanted = "one axis" if shape is None else f"shape {shape}, as the readings have"
-        raise InputError(f"{what}: have shape {array.shape}; give an array of {wanted}")
+        raise InputError(f"{name}: have shape {array.shape}; give an array of {wanted}")
     if not np.isfinite(array).all():
         place = int(np.argmin(np.isfinite(array)))
         raise InputError(
-            f"{what}[{place}] = {array[place]}: must be a finite number; leave that reading out"
+            f"{name}[{place}] = {array[place]}: must be a finite number; leave that reading out"
         )
     return array

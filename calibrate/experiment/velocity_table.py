@@ -43,32 +43,37 @@ def read(sheet: VelocitiesSheet, folder: Path, recipe: Recipe) -> VelocityTable:
     def fraction(kind: str, value: float) -> float:
         return concentrations.volume_fraction(kind, value, recipe)
 
-    found = velocities.read(sheet, folder, fraction)
-    fractions = tuple(sorted({one.volume_fraction for one in found.readings}))
-    place_of = {one: place for place, one in enumerate(fractions)}
-    scatter = _scatter(found.readings) if found.understood.errors == "estimated" else None
+    table_read = velocities.read(sheet, folder, fraction)
+    fractions = tuple(sorted({reading.volume_fraction for reading in table_read.readings}))
+    place_of = {fraction_read: place for place, fraction_read in enumerate(fractions)}
+    scatter = _scatter(table_read.readings) if table_read.understood.errors == "estimated" else None
     measurements = [
         Measurement(
             "initial_velocity",
-            one.value,
-            scatter.value * one.value if scatter else one.error,
-            found.unit.name,
-            found.unit.si,
-            row=one.row,
+            reading.value,
+            scatter.value * reading.value if scatter else reading.error,
+            table_read.unit.name,
+            table_read.unit.si,
+            row=reading.row,
             concentration=Concentration(
-                one.concentration, found.kind, one.volume_fraction, place_of[one.volume_fraction]
+                reading.concentration,
+                table_read.kind,
+                reading.volume_fraction,
+                place_of[reading.volume_fraction],
             ),
         )
-        for one in found.readings
+        for reading in table_read.readings
     ]
-    return VelocityTable(measurements, fractions, scatter, found.understood)
+    return VelocityTable(measurements, fractions, scatter, table_read.understood)
 
 
 def _scatter(readings: list[Velocity]) -> Scatter:
     """Relative scatter of repeats at one concentration; where these are few, one to begin with."""
-    found = scatter_of_repeats(
-        [one.volume_fraction for one in readings], [one.value for one in readings], relative=True
+    repeated = scatter_of_repeats(
+        [reading.volume_fraction for reading in readings],
+        [reading.value for reading in readings],
+        relative=True,
     )
-    if found is None:
+    if repeated is None:
         return Scatter(BEFORE_THE_FIT, 0.0, "assumed")
-    return found._replace(value=max(found.value, LEAST_SCATTER))
+    return repeated._replace(value=max(repeated.value, LEAST_SCATTER))

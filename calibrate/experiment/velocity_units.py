@@ -51,8 +51,8 @@ class VelocityUnit(NamedTuple):
 
 def plain(text: str) -> str:
     """A text in small letters, without differences of width and sign, underscores as blanks."""
-    found = unicodedata.normalize("NFKC", text).casefold()
-    return found.replace("μ", "u").replace("\u2212", "-").replace("_", " ").strip()
+    normalised = unicodedata.normalize("NFKC", text).casefold()
+    return normalised.replace("μ", "u").replace("\u2212", "-").replace("_", " ").strip()
 
 
 def parted(text: str) -> tuple[str, VelocityUnit | None]:

@@ -57,13 +57,13 @@ def advice(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[str]:
       fit: how it ended.
       predicted: each in its unit, (M,).
     """
-    said: list[str] = []
+    sentences: list[str] = []
     for sample, place in problem.experiment.by_sample():
-        said += _of_unit(problem.experiment, sample)
+        sentences += _of_unit(problem.experiment, sample)
         curve = _curve(sample, predicted[place])
         if curve is not None:
-            said += [f"sample {sample.name}: {one}" for one in _of_shape(curve)]
-    return said
+            sentences += [f"sample {sample.name}: {sentence}" for sentence in _of_shape(curve)]
+    return sentences
 
 
 class _Curve(NamedTuple):
@@ -82,18 +82,20 @@ class _Curve(NamedTuple):
 def _curve(sample: Sample, predicted: np.ndarray) -> _Curve | None:
     """The curve of a sample; None without one."""
     rows = [
-        (sample.times[one.place], one.value, value, one.standard_deviation)
-        for one, value in zip(sample.measurements, predicted, strict=True)
-        if one.place is not None and one.observable in CURVES
+        (sample.times[measurement.place], measurement.value, value, measurement.standard_deviation)
+        for measurement, value in zip(sample.measurements, predicted, strict=True)
+        if measurement.place is not None and measurement.observable in CURVES
     ]
     if len(rows) < FEWEST:
         return None
-    one = next(one for one in sample.measurements if one.observable in CURVES)
-    whole = 1.0 if one.observable == "sedimentation_ratio" else sample.height
-    every, *columns = np.array(rows, float).T
-    times, group, count = np.unique(every, return_inverse=True, return_counts=True)
+    measurement = next(
+        measurement for measurement in sample.measurements if measurement.observable in CURVES
+    )
+    full_height = 1.0 if measurement.observable == "sedimentation_ratio" else sample.height
+    times_of_rows, *columns = np.array(rows, float).T
+    times, group, count = np.unique(times_of_rows, return_inverse=True, return_counts=True)
     measured, means, errors = (np.bincount(group, column) / count for column in columns)
-    return _Curve(times, measured, means, errors / np.sqrt(count), whole / one.si)
+    return _Curve(times, measured, means, errors / np.sqrt(count), full_height / measurement.si)
 
 
 def _of_shape(curve: _Curve) -> Iterator[str]:
@@ -146,9 +148,9 @@ def _begins_slowly(curve: _Curve) -> bool:
 
 def _bends(curve: _Curve) -> bool:
     """True if residuals are large and go on from one to the next, as those of noise do not."""
-    off = (curve.predicted - curve.measured) / curve.errors
-    large = np.mean(off**2) > LARGEST_CHI_SQUARED
-    return bool(large and np.sum(np.diff(off) ** 2) < SMOOTH * np.sum(off**2))
+    residuals = (curve.predicted - curve.measured) / curve.errors
+    large = np.mean(residuals**2) > LARGEST_CHI_SQUARED
+    return bool(large and np.sum(np.diff(residuals) ** 2) < SMOOTH * np.sum(residuals**2))
 
 
 def _of_unit(experiment: Experiment, sample: Sample) -> Iterator[str]:
@@ -156,15 +158,19 @@ def _of_unit(experiment: Experiment, sample: Sample) -> Iterator[str]:
     expected, spread = _believed_speed(experiment, sample)
     slope = initial_slope(sample)
     if slope is not None and sample.curve is not None:
-        own = sample.curve.time_unit
-        units = {name: second / TIME_UNITS[own] for name, second in TIME_UNITS.items()}
-        yield from _nearer(sample.name, slope / expected, spread, "times", own, units)
-    for one in sample.measurements:
-        if one.observable == "initial_velocity" and one.concentration is None:
-            own = one.unit
-            units = {name: one.si / si for name, si in VELOCITY_UNITS.items() if _alike(name, own)}
-            ratio = one.value * one.si / expected
-            yield from _nearer(sample.name, ratio, spread, "its velocity", own, units)
+        stated_unit = sample.curve.time_unit
+        units = {name: second / TIME_UNITS[stated_unit] for name, second in TIME_UNITS.items()}
+        yield from _nearer(sample.name, slope / expected, spread, "times", stated_unit, units)
+    for measurement in sample.measurements:
+        if measurement.observable == "initial_velocity" and measurement.concentration is None:
+            stated_unit = measurement.unit
+            units = {
+                name: measurement.si / si
+                for name, si in VELOCITY_UNITS.items()
+                if _alike(name, stated_unit)
+            }
+            ratio = measurement.value * measurement.si / expected
+            yield from _nearer(sample.name, ratio, spread, "its velocity", stated_unit, units)
 
 
 def _believed_speed(experiment: Experiment, sample: Sample) -> tuple[float, float]:
@@ -176,20 +182,26 @@ def _believed_speed(experiment: Experiment, sample: Sample) -> tuple[float, floa
 
     medians = experiment.medians
     expected, variance = speed(medians), 0.0
-    for one in experiment.parameters:
-        spread = SPREAD if one.log_standard_deviation is None else one.log_standard_deviation
-        moved = speed({**medians, one.variable: medians[one.variable] * float(np.exp(spread))})
-        variance += float(np.log(moved / expected)) ** 2
+    for parameter in experiment.parameters:
+        spread = (
+            SPREAD if parameter.log_standard_deviation is None else parameter.log_standard_deviation
+        )
+        speed_with_change = speed(
+            {**medians, parameter.variable: medians[parameter.variable] * float(np.exp(spread))}
+        )
+        variance += float(np.log(speed_with_change / expected)) ** 2
     return expected, variance**0.5
 
 
 def _alike(unit: str, other: str) -> bool:
     """True for units of velocity with the same length or the same time."""
-    return any(one == two for one, two in zip(unit.split("/"), other.split("/"), strict=True))
+    return any(
+        first == second for first, second in zip(unit.split("/"), other.split("/"), strict=True)
+    )
 
 
 def _nearer(
-    name: str, ratio: float, spread: float, what: str, own: str, units: dict[str, float]
+    name: str, ratio: float, spread: float, quantity: str, stated_unit: str, units: dict[str, float]
 ) -> Iterator[str]:
     """Sentences on a speed that is some times that of the recipe.
 
@@ -197,19 +209,21 @@ def _nearer(
       name: of the sample.
       ratio: speed of the readings over that of the recipe with the medians.
       spread: standard deviation of its logarithm by the priors.
-      what: is of a unit.
-      own: that unit.
+      quantity: the times or velocity whose unit may be wrong, in words.
+      stated_unit: unit of that quantity in the file.
       units: speed over that in other units, by name.
     """
     if not 0.0 < ratio < np.inf or abs(np.log(ratio)) < max(FAR, UNLIKELY * spread):
         return
-    left = NEARER * abs(np.log(ratio))
+    tolerance = NEARER * abs(np.log(ratio))
     ideas = []
-    unit, factor = min(units.items(), key=lambda one: abs(np.log(ratio / one[1])))
-    if abs(np.log(ratio / factor)) < left and unit != own:
-        ideas.append(f"{what} in {unit}, not {own}, would make that {ratio / factor:.2g}")
-    power = min(POWERS, key=lambda one: abs(np.log(ratio) - one * np.log(10.0)))
-    if abs(np.log(ratio) - power * np.log(10.0)) < left:
+    unit, factor = min(units.items(), key=lambda item: abs(np.log(ratio / item[1])))
+    if abs(np.log(ratio / factor)) < tolerance and unit != stated_unit:
+        ideas.append(
+            f"{quantity} in {unit}, not {stated_unit}, would make that {ratio / factor:.2g}"
+        )
+    power = min(POWERS, key=lambda exponent: abs(np.log(ratio) - exponent * np.log(10.0)))
+    if abs(np.log(ratio) - power * np.log(10.0)) < tolerance:
         ideas.append(
             f"a height, viscosity or other quantity wrong by a factor of {10.0 ** abs(power):g}, "
             f"{ratio / 10.0**power:.2g}"

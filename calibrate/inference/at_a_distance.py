@@ -32,11 +32,11 @@ def unchanged_at_a_distance(fit: Fit, identification: Identification) -> tuple[s
 
 
 def _unchanged(fit: Fit, exponents: np.ndarray) -> bool:
-    along = np.log(FACTOR) * exponents / np.abs(exponents).max()
+    direction = np.log(FACTOR) * exponents / np.abs(exponents).max()
     count = fit.residuals.size
-    for way in (-1.0, 1.0):
-        lower, upper = (np.broadcast_to(end, along.shape) for end in fit.box)
-        logs, step = np.log(fit.values), way * along
+    for sign in (-1.0, 1.0):
+        lower, upper = (np.broadcast_to(end, direction.shape) for end in fit.box)
+        logs, step = np.log(fit.values), sign * direction
         moves = step != 0.0
         room = (np.where(step > 0.0, upper, lower) - logs)[moves] / step[moves]
         _, value = fit.linearised(logs + min(1.0, *room) * step, fit.given)

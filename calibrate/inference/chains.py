@@ -69,7 +69,7 @@ class Sampler:
         seed: int,
         warm_up: int,
         draws: int,
-        home: Home = lambda *there: there,
+        home: Home = lambda *position_and_gradient: position_and_gradient,
     ) -> None:
         from blackjax.adaptation.window_adaptation import build_schedule
 
@@ -203,5 +203,5 @@ def _stepped(
     return Chain(state, *_chosen(adapting, adapted, (step_size, mass))), info.is_divergent
 
 
-def _chosen(which: Array, new: Any, old: Any) -> Any:
-    return jax.tree.map(partial(jnp.where, which), new, old)
+def _chosen(condition: Array, new: Any, old: Any) -> Any:
+    return jax.tree.map(partial(jnp.where, condition), new, old)

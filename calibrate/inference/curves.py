@@ -48,20 +48,20 @@ def predicted_curves(problem: Problem, fit: Fit) -> tuple[PredictedCurve, ...]:
     predict = jax.jit(lambda logs: problem.predict_curves(_theta(fit, jnp.exp(logs)), times))
 
     def at(logs: np.ndarray) -> np.ndarray:
-        return np.concatenate([np.asarray(one) for one in predict(logs)])
+        return np.concatenate([np.asarray(curve) for curve in predict(logs)])
 
     best = np.log(fit.values)
     variances, axes = np.linalg.eigh(covariance(information(fit))[0])
     deviations = (axes * np.sqrt(np.maximum(variances, 0.0))).T
     with stoppable(), relaxed_promotion():
         predicted = at(best)
-        changes = [_change(at, best, one) for one in deviations]
+        changes = [_change(at, best, deviation) for deviation in deviations]
     errors = np.sqrt(np.sum(np.square(changes), axis=0))
-    ends = np.cumsum([len(one) for one in times])[:-1]
+    ends = np.cumsum([len(times_of_curve) for times_of_curve in times])[:-1]
     pieces = zip(curves, times, np.split(predicted, ends), np.split(errors, ends), strict=True)
     return tuple(
-        PredictedCurve(sample.name, one.observable, one.unit, at, values, spread)
-        for (sample, one), at, values, spread in pieces
+        PredictedCurve(sample.name, reading.observable, reading.unit, at, values, spread)
+        for (sample, reading), at, values, spread in pieces
     )
 
 

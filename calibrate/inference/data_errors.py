@@ -60,13 +60,13 @@ def data_errors(fit: Fit, directions: np.ndarray, level: float) -> np.ndarray:
         return np.full(len(directions), np.inf)
     with stoppable(), relaxed_promotion():
         best = _least(fit, np.log(fit.values), np.eye(fit.values.size), fit.box)
-        return np.array([_error(fit, best, one, level) for one in directions])
+        return np.array([_error(fit, best, direction, level) for direction in directions])
 
 
 def _error(fit: Fit, best: Valley, direction: np.ndarray, level: float) -> float:
     ends = []
-    for way in (-1.0, 1.0):
-        ends.append(_end(fit, best, direction, way, level))
+    for sign in (-1.0, 1.0):
+        ends.append(_end(fit, best, direction, sign, level))
         if not np.isfinite(ends[-1]):
             return np.inf
     return 0.5 * sum(ends)
@@ -86,54 +86,57 @@ def _straight(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> tuple[np.nda
     return spread @ direction / variance, min(variance**0.5, UNKNOWN)
 
 
-def _end(fit: Fit, best: Valley, direction: np.ndarray, way: float, level: float) -> float:
+def _end(fit: Fit, best: Valley, direction: np.ndarray, sign: float, level: float) -> float:
     """Distance from the optimum at which chi-squared has risen by a level; infinite if nowhere.
 
     Args:
       fit: where it ended.
       best: the optimum of the data.
       direction: what is held, (P,).
-      way: -1 or 1.
+      sign: -1 or 1, the side of the optimum.
       level: the rise.
     """
     free, box = _others(fit, direction)
-    farthest = min(UNKNOWN, _room(fit, best.logs, way * direction))
+    farthest = min(UNKNOWN, _room(fit, best.logs, sign * direction))
     inner, last = (0.0, 0.0), best.logs  # distance, root of the rise there, and the valley
-    along, first = _straight(fit, last, direction)
+    tangent, first = _straight(fit, last, direction)
     elsewhere = _elsewhere(fit, best.logs, direction)
     step = first * level**0.5
     for _ in range(MOST_POINTS):
-        at = min(inner[0] + step, farthest)
-        step = at - inner[0]
-        held = fit.box.clip(last + way * step * along)
+        distance = min(inner[0] + step, farthest)
+        step = distance - inner[0]
+        trial = fit.box.clip(last + sign * step * tangent)
         if box is not None:  # one value is held, to the last digit
             place = int(np.argmax(np.abs(direction)))
-            held[place] = best.logs[place] + way * at * direction[place]
-        there = _least(fit, held, free, box)
-        root = _root(there, best, level)
+            trial[place] = best.logs[place] + sign * distance * direction[place]
+        valley = _least(fit, trial, free, box)
+        root = _root(valley, best, level)
         if root > 1.0 - NEAR:  # an end, unless what is not seen near the fit makes up for it
-            moved = (_least(fit, fit.box.clip(held + one), free, box) for one in elsewhere)
-            there = min([there, *moved], key=lambda one: one.loss)
-            root = _root(there, best, level)
+            alternatives = (
+                _least(fit, fit.box.clip(trial + change), free, box) for change in elsewhere
+            )
+            valley = min([valley, *alternatives], key=lambda other: other.loss)
+            root = _root(valley, best, level)
         if abs(root - 1.0) < NEAR:
-            return at / root if _by_data(fit, best.logs, there.logs, direction) else np.inf
+            return distance / root if _by_data(fit, best.logs, valley.logs, direction) else np.inf
         if root < 1.0:
-            if at >= farthest:
+            if distance >= farthest:
                 break
-            inner, last = (at, root), there.logs
-            along, _ = _straight(fit, last, direction)
-            step = min(FARTHER * step, at * (1.0 / max(root, 1e-9) - 1.0))
+            inner, last = (distance, root), valley.logs
+            tangent, _ = _straight(fit, last, direction)
+            step = min(FARTHER * step, distance * (1.0 / max(root, 1e-9) - 1.0))
         else:
-            if step < NEAR * at:
-                return at if _by_data(fit, best.logs, there.logs, direction) else np.inf  # a wall
+            if step < NEAR * distance:
+                # A wall: chi-squared jumps within a step too short to resolve.
+                return distance if _by_data(fit, best.logs, valley.logs, direction) else np.inf
             # What rises so much may be no valley: a step that was too long left it.
             step *= (1.0 - inner[1]) / (root - inner[1]) if root < TOO_FAR else TOO_LONG
     return np.inf
 
 
-def _root(there: Valley, best: Valley, level: float) -> float:
+def _root(valley: Valley, best: Valley, level: float) -> float:
     """Root of the rise of chi-squared over a level."""
-    return max(2.0 * (there.loss - best.loss) / level, 0.0) ** 0.5
+    return max(2.0 * (valley.loss - best.loss) / level, 0.0) ** 0.5
 
 
 def _elsewhere(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> list[np.ndarray]:
@@ -147,7 +150,7 @@ def _elsewhere(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> list[np.nda
     believed = fit.prior_precision > 0.0
     width = np.where(believed, fit.prior_precision, 1.0) ** -0.5
     ways = np.diag(width)[unseen]
-    return [share * one for one in ways for share in ALL_OVER]
+    return [share * width_vector for width_vector in ways for share in ALL_OVER]
 
 
 def _by_data(fit: Fit, best: np.ndarray, logs: np.ndarray, direction: np.ndarray) -> bool:
@@ -202,14 +205,14 @@ def _least(fit: Fit, logs: np.ndarray, free: np.ndarray, box: Bounds | None) -> 
     count = fit.residuals.size
 
     def at(places: list[np.ndarray]) -> list[Point]:
-        return [point(one) for one in places]
+        return [point(place) for place in places]
 
     def point(place: np.ndarray) -> Point:
-        there = logs + free @ (place - begin)
-        if (fit.box.clip(there) != there).any() and box is None:
+        position = logs + free @ (place - begin)
+        if (fit.box.clip(position) != position).any() and box is None:
             nothing = np.full(count, np.nan)
             return Point(np.inf, place, np.full((count, place.size), np.nan), nothing)
-        _, _, jacobian, value = fit.at(there)
+        _, _, jacobian, value = fit.at(position)
         of_data = value[:count]
         return Point(half_square(of_data), place, jacobian[:count] @ free, of_data)
 

@@ -105,6 +105,8 @@ def unbounded(fit: Fit, density: Density) -> list[str]:
     spread, free = covariance(density.bounded_information(information(fit)))
     return [
         name
-        for name, error, along in zip(fit.names, np.sqrt(np.diag(spread)), free, strict=True)
-        if along @ along > RANK_TOLERANCE or error > UNKNOWN
+        for name, error, share_of_free in zip(
+            fit.names, np.sqrt(np.diag(spread)), free, strict=True
+        )
+        if share_of_free @ share_of_free > RANK_TOLERANCE or error > UNKNOWN
     ]

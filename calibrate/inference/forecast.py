@@ -93,8 +93,8 @@ def forecast(
     unbounded = (np.abs(slopes @ open_ends) > RANK_TOLERANCE**0.5 * size).any(axis=1)
     errors[unbounded] = np.inf
     return [
-        Forecast(sample.name, one, value, error, *_time(sample, one))
-        for one, value, error in zip(sample.measurements, values, errors, strict=True)
+        Forecast(sample.name, measurement, value, error, *_time(sample, measurement))
+        for measurement, value, error in zip(sample.measurements, values, errors, strict=True)
     ]
 
 
@@ -182,32 +182,36 @@ def sample_like(experiment: Experiment, recipe: Recipe, name: str) -> tuple[Expe
       InputError: the experiment has no such sample, or what applies to it means nothing, or
         something else, to the recipe.
     """
-    known = {sample.name: sample for sample in experiment.samples}
-    if name not in known:
-        raise InputError(f"{name!r}: no such sample; {experiment.name} has {', '.join(known)}")
-    called = recipe.name
-    while called in known:
-        called += " (new)"
-    values = experiment.varied(known[name]) + tuple(
-        held for other, held, _ in experiment.held if other == name
+    samples = {sample.name: sample for sample in experiment.samples}
+    if name not in samples:
+        raise InputError(f"{name!r}: no such sample; {experiment.name} has {', '.join(samples)}")
+    new_name = recipe.name
+    while new_name in samples:
+        new_name += " (new)"
+    values = experiment.varied(samples[name]) + tuple(
+        quantity for other, quantity, _ in experiment.held if other == name
     )
-    for one in values:
-        _refuse_another_meaning(one, recipe, known[name].recipe)
-    bed = known[name].bed_fraction
+    for quantity in values:
+        _refuse_another_meaning(quantity, recipe, samples[name].recipe)
+    bed = samples[name].bed_fraction
     nothing = (float("nan"), float("nan"))
     velocity = Measurement("initial_velocity", *nothing, "mm/day", VELOCITY_UNITS["mm/day"])
     has_bed = bed is not None or any(
-        one.name == BED and name in one.samples for one in experiment.parameters
+        parameter.name == BED and name in parameter.samples for parameter in experiment.parameters
     )
     ratio = Measurement("final_ratio", *nothing, "1", 1.0)
-    wanted = (velocity, ratio) if has_bed else (velocity,)
-    sample = Sample(called, recipe, recipe.box.height, bed, wanted)
+    measurements = (velocity, ratio) if has_bed else (velocity,)
+    sample = Sample(new_name, recipe, recipe.box.height, bed, measurements)
     applies = tuple(
-        replace(one, samples=(*one.samples, sample.name)) if name in one.samples else one
-        for one in experiment.parameters
+        replace(parameter, samples=(*parameter.samples, sample.name))
+        if name in parameter.samples
+        else parameter
+        for parameter in experiment.parameters
     )
     held = experiment.held + tuple(
-        (sample.name, what, value) for other, what, value in experiment.held if other == name
+        (sample.name, quantity, value)
+        for other, quantity, value in experiment.held
+        if other == name
     )
     return replace(experiment, parameters=applies, held=held), sample
 
@@ -217,7 +221,7 @@ def _refuse_another_meaning(name: str, recipe: Recipe, fitted: Recipe) -> None:
         refuse_unknown(name, recipe, recipe.parameters())
     except InputError as error:
         raise InputError(f"{name} was fitted, but for {recipe.name}: {error}") from None
-    closures = [None if one.closure is None else one.closure.func for one in (recipe, fitted)]
+    closures = [None if sheet.closure is None else sheet.closure.func for sheet in (recipe, fitted)]
     if name.startswith(CLOSURE) and closures[0] is not closures[1]:
         raise InputError(
             f"{name} was fitted in the closure of {fitted.name}; {recipe.name} has another, in "
@@ -234,10 +238,10 @@ def _belief(experiment: Experiment, fit: Fit) -> tuple[np.ndarray, np.ndarray, n
     strength = np.zeros((len(parameters), len(parameters)))
     logs = np.log([parameter.middle for parameter in parameters])
     place = {parameter.variable: index for index, parameter in enumerate(parameters)}
-    known = np.array([place[name] for name in fit.names], int)
-    strength[np.ix_(known, known)] = information(fit)
-    logs[known] = np.log(fit.values)
+    fitted_places = np.array([place[name] for name in fit.names], int)
+    strength[np.ix_(fitted_places, fitted_places)] = information(fit)
+    logs[fitted_places] = np.log(fit.values)
     for index, parameter in enumerate(parameters):
-        if index not in known and parameter.prior is not None:
+        if index not in fitted_places and parameter.prior is not None:
             strength[index, index] = parameter.prior.log_standard_deviation**-2.0
     return logs, *covariance(strength)

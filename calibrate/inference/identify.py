@@ -116,11 +116,11 @@ def identify(fit: Fit) -> Identification:
     near = ~seen & (near_by <= limits)
 
     def combination(exponents: np.ndarray) -> Combination:
-        told = without_negligible(exponents)
-        value = float(np.exp(told @ np.log(values)))
+        exponents_in_words = without_negligible(exponents)
+        value = float(np.exp(exponents_in_words @ np.log(values)))
         return Combination(
-            expression(fit.names, told),
-            {n: float(e) for n, e in zip(fit.names, told, strict=True) if e},
+            expression(fit.names, exponents_in_words),
+            {n: float(e) for n, e in zip(fit.names, exponents_in_words, strict=True) if e},
             value,
             value * float(np.sqrt(exponents @ from_data @ exponents)),
         )
@@ -174,8 +174,8 @@ def widened_errors(fit: Fit, widening: np.ndarray, error_scale: float = 1.0) -> 
         widest = fit.prior_precision**-0.5
     by_slopes = standard_errors(fit, error_scale)
     return {
-        name: max(error, value * min(max(error / value * factor, other), most))
-        for (name, error), value, factor, other, most in zip(
+        name: max(error, value * min(max(error / value * factor, distance), most))
+        for (name, error), value, factor, distance, most in zip(
             by_slopes.items(), fit.values, widening, apart, widest, strict=True
         )
     }
@@ -208,9 +208,9 @@ def _between_optima(fit: Fit, directions: np.ndarray, scale: float) -> np.ndarra
     """Distances of products, (K,), from the fit to the optima that the data do not exclude."""
     most = fit.chi_squared + NOT_EXCLUDED * scale**2
     ways = [
-        np.log(one.values / fit.values)
-        for one in fit.optima[1:]
-        if one.finished and one.chi_squared < most
+        np.log(optimum.values / fit.values)
+        for optimum in fit.optima[1:]
+        if optimum.finished and optimum.chi_squared < most
     ]
     apart = np.abs(directions @ np.reshape(ways, (-1, fit.values.size)).T)
     return np.asarray(apart.max(axis=1, initial=0.0))

@@ -92,13 +92,13 @@ def sample(log_densities: Evaluate, first: Proposal, box: Bounds, seed: int) -> 
       seed: of the draws.
     """
     narrow = first
-    drawn: list[_Drawn] = []
+    batches: list[_Drawn] = []
     for number in range(1 + ADAPTATIONS):
         random = np.random.default_rng([seed, number])
         if number:
-            narrow = narrow.split().adapted(*_followed(drawn))
-        drawn.append(_draws(log_densities, narrow.with_tails_of(first), box, random))
-        weighted = _weighted(drawn[-1])
+            narrow = narrow.split().adapted(*_followed(batches))
+        batches.append(_draws(log_densities, narrow.with_tails_of(first), box, random))
+        weighted = _weighted(batches[-1])
         if weighted.good:
             break
     return weighted
@@ -108,21 +108,21 @@ def _draws(
     log_densities: Evaluate, proposal: Proposal, box: Bounds, random: np.random.Generator
 ) -> _Drawn:
     """Draws of a proposal until they are good, or it shows that they will not be."""
-    drawn = _Drawn(proposal, np.zeros((0, proposal.centres.shape[1])), np.zeros(0))
-    while len(drawn.logs) < MOST:
-        logs = _within(proposal, FIRST if not len(drawn.logs) else MORE, box, random)
+    draws = _Drawn(proposal, np.zeros((0, proposal.centres.shape[1])), np.zeros(0))
+    while len(draws.logs) < MOST:
+        logs = _within(proposal, FIRST if not len(draws.logs) else MORE, box, random)
         if not len(logs):
             break
-        drawn = _Drawn(
+        draws = _Drawn(
             proposal,
-            np.concatenate([drawn.logs, logs]),
-            np.concatenate([drawn.densities, log_densities(logs)]),
+            np.concatenate([draws.logs, logs]),
+            np.concatenate([draws.densities, log_densities(logs)]),
         )
-        weighted = _weighted(drawn)
-        hopeless = weighted.effective * MOST < LEAST_EFFECTIVE * len(drawn.logs)
+        weighted = _weighted(draws)
+        hopeless = weighted.effective * MOST < LEAST_EFFECTIVE * len(draws.logs)
         if weighted.good or not weighted.usable or hopeless:
             break
-    return drawn
+    return draws
 
 
 def _within(
@@ -131,20 +131,22 @@ def _within(
     """So many draws within the bounds, (N, P), or fewer where next to none are."""
     within: list[np.ndarray] = []
     for _ in range(TRIES):
-        drawn = proposal.draw(number, random)
-        within.extend(drawn[np.all((drawn >= box.lower) & (drawn <= box.upper), axis=1)])
+        candidates = proposal.draw(number, random)
+        within.extend(
+            candidates[np.all((candidates >= box.lower) & (candidates <= box.upper), axis=1)]
+        )
         if len(within) >= number:
             break
     return np.array(within[:number]).reshape(-1, proposal.centres.shape[1])
 
 
-def _weighted(drawn: _Drawn) -> Weighted:
+def _weighted(draws: _Drawn) -> Weighted:
     """Draws of one proposal with their smoothed weights."""
-    some = np.isfinite(drawn.densities)
-    logs = drawn.logs[some]
+    usable = np.isfinite(draws.densities)
+    logs = draws.logs[usable]
     if len(logs) < FEWEST:
         return Weighted(logs, np.full(len(logs), 1.0 / max(len(logs), 1)), np.inf)
-    ratios = drawn.densities[some] - drawn.proposal.log_density(logs)
+    ratios = draws.densities[usable] - draws.proposal.log_density(logs)
     smoothed, k = _smoothed(ratios)
     return Weighted(logs, softmax(smoothed), k)
 
@@ -165,18 +167,24 @@ def _without_tail(ratios: np.ndarray) -> float:
     return -np.inf if np.ptp(ratios) < 1e-9 else np.inf
 
 
-def _followed(each: Iterable[_Drawn]) -> tuple[np.ndarray, np.ndarray]:
+def _followed(batches: Iterable[_Drawn]) -> tuple[np.ndarray, np.ndarray]:
     """All draws, (N, P), and weights that a proposal can follow, (N,).
 
     Those are as even as it needs: a power of what they are.
     """
-    each = list(each)
-    some = [np.isfinite(one.densities) for one in each]
-    logs = np.concatenate([one.logs[of] for one, of in zip(each, some, strict=True)])
-    densities = np.concatenate([one.densities[of] for one, of in zip(each, some, strict=True)])
+    batches = list(batches)
+    usable = [np.isfinite(draws.densities) for draws in batches]
+    logs = np.concatenate(
+        [draws.logs[finite] for draws, finite in zip(batches, usable, strict=True)]
+    )
+    densities = np.concatenate(
+        [draws.densities[finite] for draws, finite in zip(batches, usable, strict=True)]
+    )
     if len(logs) < FEWEST:
         return logs, np.full(len(logs), 1.0 / max(len(logs), 1))
-    proposed = [one.proposal.log_density(logs) + np.log(max(len(one.logs), 1)) for one in each]
+    proposed = [
+        draws.proposal.log_density(logs) + np.log(max(len(draws.logs), 1)) for draws in batches
+    ]
     ratios, power = densities - logsumexp(proposed, axis=0), 1.0
     while np.sum((weights := softmax(power * ratios)) ** 2) > 1.0 / min(WORTH, 0.5 * len(logs)):
         power *= 0.5

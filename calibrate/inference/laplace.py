@@ -41,23 +41,23 @@ def approximated(fit: Fit, density: Density) -> Optima:
     """
     best = Point(fit.optima[0].loss, np.log(fit.values), fit.jacobian, fit.residuals)
     centres, curved, losses, lost = [best.logs], [information(fit)], [best.loss], 0
-    for other in fit.optima[1:]:
-        end = _refined(fit, np.log(other.values), 0 if other.finished else REFINED)
-        if not end.finite or not (other.finished or is_settled(end, fit.box)):
+    for optimum in fit.optima[1:]:
+        end = _refined(fit, np.log(optimum.values), 0 if optimum.finished else REFINED)
+        if not end.finite or not (optimum.finished or is_settled(end, fit.box)):
             lost += 1
             continue
         centres.append(end.logs)
         curved.append(end.jacobian.T @ end.jacobian)
         losses.append(end.loss)
-    informations = [density.bounded_information(one) for one in curved]
-    volumes = -0.5 * np.array([np.linalg.slogdet(one)[1] for one in informations])
+    informations = [density.bounded_information(curvature) for curvature in curved]
+    volumes = -0.5 * np.array([np.linalg.slogdet(matrix)[1] for matrix in informations])
     logs = volumes - np.array(losses)
     weights = np.exp(logs - logs.max())
-    kept = weights / weights.sum() > NEGLIGIBLE
-    weights = weights[kept] / weights[kept].sum()
+    relevant = weights / weights.sum() > NEGLIGIBLE
+    weights = weights[relevant] / weights[relevant].sum()
     shares = np.maximum(weights, LEAST_SHARE)
-    scales = np.stack([np.linalg.inv(one) for one in informations])
-    proposal = Proposal(shares / shares.sum(), np.stack(centres)[kept], scales[kept])
+    scales = np.stack([np.linalg.inv(matrix) for matrix in informations])
+    proposal = Proposal(shares / shares.sum(), np.stack(centres)[relevant], scales[relevant])
     return Optima(proposal, weights, lost)
 
 

@@ -63,12 +63,15 @@ def agreement(
 
 def _share(problem: Problem, predicted: np.ndarray) -> float:
     """Root mean square of residuals over ranges; of one reading its size is the range."""
-    kinds = [(one.observable, one.value * one.si) for _, one in problem.measurements]
+    kinds = [
+        (measurement.observable, measurement.value * measurement.si)
+        for _, measurement in problem.measurements
+    ]
     range_of = {}
     for kind in {kind for kind, _ in kinds}:
         values = [value for other, value in kinds if other == kind]
         range_of[kind] = (max(values) - min(values)) or max(map(abs, values)) or 1.0
-    si = np.array([one.si for _, one in problem.measurements])
+    si = np.array([measurement.si for _, measurement in problem.measurements])
     ranges = np.array([range_of[kind] for kind, _ in kinds])
     with np.errstate(invalid="ignore"):
         return float(np.sqrt(np.mean(((predicted - problem.measured) * si / ranges) ** 2)))

@@ -51,10 +51,10 @@ class ModelRuns:
 
     def _piece(self, logs: np.ndarray) -> np.ndarray:
         label = f"densities-{digest(logs)}"
-        if self._work is not None and (kept := self._work.load(label)) is not None:
+        if self._work is not None and (stored := self._work.load(label)) is not None:
             self._bar.update(len(logs))
-            return kept[0]["densities"]
-        residuals = np.stack([self._run(one) for one in logs])
+            return stored[0]["densities"]
+        residuals = np.stack([self._run(place) for place in logs])
         densities = np.asarray(self._density.log_density(logs, residuals))
         if self._work is not None:
             self._work.save(label, {"densities": densities})
@@ -78,17 +78,18 @@ class ModelRuns:
         return np.asarray(wait_for(residuals) if isinstance(residuals, jax.Array) else residuals)
 
 
-def say_estimate(what: str, number: int, each: float, progress: bool) -> None:
-    """Says on standard error how long so many calls will take, where progress is shown.
+def say_estimate(calls: str, number: int, seconds_each: float, progress: bool) -> None:
+    """Prints the estimated time of a number of calls on standard error, if progress is shown.
 
     Args:
-      what: is called, and how often.
-      number: of calls.
-      each: time of one, s.
-      progress: whether to say it.
+      calls: number and kind of the calls, in words.
+      number: number of calls.
+      seconds_each: time of one call, s.
+      progress: whether to print the estimate.
     """
     if progress:
-        line = f"posterior: about {what} of {time_in_words(each)}, {time_in_words(number * each)}"
+        each, total = time_in_words(seconds_each), time_in_words(number * seconds_each)
+        line = f"posterior: about {calls} of {each}, {total}"
         tqdm.write(line, file=sys.stderr)
 
 

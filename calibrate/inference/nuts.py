@@ -72,16 +72,16 @@ def sample(
     def home(position: Array, gradient: Array) -> tuple[Array, Array]:
         """Within the bounds: chains that wander from image to image seem wide."""
         logs, reflection = jax.vjp(density.reflected, best + root @ position)
-        (back,) = reflection(jnp.linalg.solve(root.T, gradient))
-        return jnp.linalg.solve(root, logs - best), root.T @ back
+        (gradient_within,) = reflection(jnp.linalg.solve(root.T, gradient))
+        return jnp.linalg.solve(root, logs - best), root.T @ gradient_within
 
     first = beginnings(proposal, log_densities, density, seed)
     positions = np.linalg.solve(root, (first - best).T).T
     with randomness.ordered():
         sampler = Sampler(at, positions, seed=seed, warm_up=WARM_UP, draws=samples, home=home)
-        drawn = _drawn(sampler, work, progress)
-    logs = best + drawn.positions[:, WARM_UP:] @ root.T
-    divergences = int(drawn.divergent[:, WARM_UP:].sum())
+        piece = _drawn(sampler, work, progress)
+    logs = best + piece.positions[:, WARM_UP:] @ root.T
+    divergences = int(piece.divergent[:, WARM_UP:].sum())
     return Drawn(logs, divergences, _separated(optima, logs))
 
 
@@ -100,12 +100,12 @@ def beginnings(
     for chain in range(CHAINS):
         place = chain % len(proposal.shares)
         about = proposal.component(place)
-        begun = about.centres[0]
-        for drawn in about.draw(TRIES, random):
-            if density.holds(drawn) and np.isfinite(log_densities(drawn[None])[0]):
-                begun = drawn
+        position = about.centres[0]
+        for candidate in about.draw(TRIES, random):
+            if density.holds(candidate) and np.isfinite(log_densities(candidate[None])[0]):
+                position = candidate
                 break
-        first.append(begun)
+        first.append(position)
     return np.stack(first)
 
 
@@ -114,16 +114,16 @@ def _separated(optima: Optima, logs: np.ndarray) -> bool:
     about = [set(optima.proposal.nearest(chain)) for chain in logs]
     reached = set.union(*about)
     missing = set(np.flatnonzero(optima.weights > WEIGHTY)) - reached
-    return bool(missing) or (len(reached) > 1 and all(len(one) == 1 for one in about))
+    return bool(missing) or (len(reached) > 1 and all(len(visited) == 1 for visited in about))
 
 
 def _drawn(sampler: Sampler, work: Checkpoint | None, progress: bool) -> Piece:
     """All steps of the chains, those that were kept and the others."""
-    kept = None if work is None else work.sequence("chains")
-    earlier, left = ([], None) if kept is None else kept.resumed()
+    stored = None if work is None else work.sequence("chains")
+    earlier, last_state = ([], None) if stored is None else stored.resumed()
     pieces = [Piece(piece["positions"], piece["divergent"]) for piece in earlier]
     done = sum(piece.positions.shape[1] for piece in pieces)
-    chains = sampler.begin() if left is None else sampler.restored(left)
+    chains = sampler.begin() if last_state is None else sampler.restored(last_state)
     unkept: list[Piece] = []
     with tqdm(
         desc="posterior", total=sampler.length, initial=done, disable=not progress, leave=False
@@ -133,10 +133,10 @@ def _drawn(sampler: Sampler, work: Checkpoint | None, progress: bool) -> Piece:
             bar.set_postfix_str("warm-up" if done < sampler.warm_up else "draws", refresh=False)
             bar.update(piece.positions.shape[1])
             unkept.append(piece)
-            if kept is not None and (done % MOST == 0 or done == sampler.length):
-                whole = _joined(unkept)
-                kept.append(whole._asdict(), arrays(state))
-                pieces, unkept = [*pieces, whole], []
+            if stored is not None and (done % MOST == 0 or done == sampler.length):
+                joined = _joined(unkept)
+                stored.append(joined._asdict(), arrays(state))
+                pieces, unkept = [*pieces, joined], []
     return _joined([*pieces, *unkept])
 
 

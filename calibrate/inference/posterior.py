@@ -153,13 +153,13 @@ def posterior(
             f"the posterior of {', '.join(endless)} has no end: no measurement and no prior "
             "bounds it; give log_standard_deviation, or standard_deviation with bounds"
         )
-    kept = None
+    stored = None
     if checkpoint is not None:
-        kept = Checkpoint.of_work(
+        stored = Checkpoint.of_work(
             Path(checkpoint),
             names=fit.names,
             values=fit.values,
-            optima=[one.values for one in fit.optima],
+            optima=[optimum.values for optimum in fit.optima],
             seed=seed,
             samples=samples,
             method=method,
@@ -167,16 +167,16 @@ def posterior(
             uniform=density.uniform,
             information=information(fit),
         )
-        if (done := kept.load("samples")) is not None:
+        if (done := stored.load("samples")) is not None:
             return _of_arrays(fit, *done)
     with stoppable(), relaxed_promotion():
         optima = approximated(fit, density)
-        with ModelRuns(density, kept, progress, importance.FIRST) as runs:
-            work = _Work(fit, density, optima, runs, seed, samples, kept, progress)
-            arrays, told = _sampled(work, method)
-    if kept is not None:
-        kept.save("samples", arrays, told)
-    return _of_arrays(fit, arrays, told)
+        with ModelRuns(density, stored, progress, importance.FIRST) as runs:
+            work = _Work(fit, density, optima, runs, seed, samples, stored, progress)
+            arrays, scalars = _sampled(work, method)
+    if stored is not None:
+        stored.save("samples", arrays, scalars)
+    return _of_arrays(fit, arrays, scalars)
 
 
 class _Work(NamedTuple):
@@ -230,8 +230,8 @@ def _by_nuts(work: _Work, pareto_k: float) -> Fields:
     number = CHAINS * (nuts.WARM_UP + work.samples) * nuts.STEPS
     # Moved, so that it is not recalled from the fit.
     near = np.log(work.fit.values) * (1.0 - 1e-12) - 1e-12
-    each = seconds_of(work.fit.linearised, near, work.fit.given)
-    say_estimate(f"{number} gradients for NUTS", number, each, work.progress)
+    seconds_each = seconds_of(work.fit.linearised, near, work.fit.given)
+    say_estimate(f"{number} gradients for NUTS", number, seconds_each, work.progress)
     drawn = nuts.sample(
         work.density,
         work.optima,
@@ -262,11 +262,11 @@ def _ends_early(work: _Work, logs: np.ndarray, weights: np.ndarray | None = None
     return [f"the posterior goes on beyond the samples of {', '.join(names)}"] * bool(names)
 
 
-def _of_arrays(fit: Fit, arrays: dict[str, np.ndarray], told: dict[str, Any]) -> Posterior:
+def _of_arrays(fit: Fit, arrays: dict[str, np.ndarray], scalars: dict[str, Any]) -> Posterior:
     """A posterior from its fields, kept or new."""
     k = float(arrays["pareto_k"])
-    told = told | {"faults": tuple(told["faults"]), "pareto_k": None if np.isnan(k) else k}
-    return Posterior(fit.names, **(arrays | told))
+    scalars = scalars | {"faults": tuple(scalars["faults"]), "pareto_k": None if np.isnan(k) else k}
+    return Posterior(fit.names, **(arrays | scalars))
 
 
 def refuse_without_sampler() -> None:

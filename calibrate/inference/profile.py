@@ -61,29 +61,31 @@ def profiles(
       progress: whether to show a progress bar, on standard error.
       degrees_of_freedom: of errors that were estimated; infinite where they are stated.
     """
-    at = levels(degrees_of_freedom)
+    level_of = levels(degrees_of_freedom)
     errors = standard_errors(fit)
     bounded = [place for place, name in enumerate(fit.names) if np.isfinite(errors[name])]
     total = len(bounded) * (1 + POINTS)
     shown = tqdm(desc="profiles", total=total, disable=not progress, leave=False)
     with stoppable(), shown as bar:
         return tuple(
-            _profile(fit, place, errors[fit.names[place]] / fit.values[place], at, bar)
+            _profile(fit, place, errors[fit.names[place]] / fit.values[place], level_of, bar)
             for place in bounded
         )
 
 
-def _profile(fit: Fit, place: int, error: float, at: dict[str, float], bar: tqdm) -> Profile:
+def _profile(fit: Fit, place: int, error: float, level_of: dict[str, float], bar: tqdm) -> Profile:
     name = fit.names[place]
     best = np.log(fit.values)
     curved = information(fit)
     free = np.array([other for other in range(best.size) if other != place], int)
     # Where a straight valley leads.
-    along = np.zeros(best.size)
-    along[place] = 1.0
+    tangent = np.zeros(best.size)
+    tangent[place] = 1.0
     within = curved[np.ix_(free, free)]
-    along[free] = -np.linalg.pinv(within, hermitian=True) @ curved[free, place]
-    reach = REACH * error * max((at[one] / LEVELS[one]) ** 0.5 for one in at)
+    tangent[free] = -np.linalg.pinv(within, hermitian=True) @ curved[free, place]
+    reach = (
+        REACH * error * max((level_of[coverage] / LEVELS[coverage]) ** 0.5 for coverage in level_of)
+    )
     offsets = np.linspace(-reach, reach, POINTS)
     with relaxed_promotion():
         bar.set_postfix_str(in_terminal(name))
@@ -91,14 +93,16 @@ def _profile(fit: Fit, place: int, error: float, at: dict[str, float], bar: tqdm
         increase = np.empty(POINTS)
         for number, offset in enumerate(offsets):
             bar.update()
-            logs = fit.box.clip(best + offset * along)
+            logs = fit.box.clip(best + offset * tangent)
             logs[place] = best[place] + offset
             increase[number] = _held(fit, free, logs, GAUSS_NEWTON_STEPS)
         bar.update()
     increase -= lowest
     values = fit.values[place] * np.exp(offsets)
-    intervals = {coverage: _interval(values, increase, level) for coverage, level in at.items()}
-    return Profile(name, values, increase, intervals, at)
+    intervals = {
+        coverage: _interval(values, increase, level) for coverage, level in level_of.items()
+    }
+    return Profile(name, values, increase, intervals, level_of)
 
 
 def _held(fit: Fit, free: np.ndarray, logs: np.ndarray, steps: int) -> float:
@@ -123,16 +127,16 @@ def _interval(values: np.ndarray, increase: np.ndarray, level: float) -> tuple[f
     """The two values at which the increase reaches a level."""
     middle = len(values) // 2
 
-    def crossing(way: int, beyond: float) -> float:
-        for place in range(middle, len(values) - 1 if way > 0 else 0, way):
-            near, far = increase[place], increase[place + way]
+    def crossing(step: int, beyond: float) -> float:
+        for place in range(middle, len(values) - 1 if step > 0 else 0, step):
+            near, far = increase[place], increase[place + step]
             if near < level <= far:
                 # Between points a parabola about the optimum: straight in the root.
                 share = (np.sqrt(level) - np.sqrt(max(near, 0.0))) / (
                     np.sqrt(far) - np.sqrt(max(near, 0.0))
                 )
                 logs = np.log(values)
-                return float(np.exp(logs[place] + share * (logs[place + way] - logs[place])))
+                return float(np.exp(logs[place] + share * (logs[place + step] - logs[place])))
         return beyond
 
     return crossing(-1, 0.0), crossing(1, np.inf)

@@ -39,8 +39,8 @@ class Proposal(NamedTuple):
         """So many draws, (N, P)."""
         counts = random.multinomial(number, self.shares)
         drawn = [
-            np.reshape(one.rvs(int(count), random), (count, self.centres.shape[1]))
-            for one, count in zip(self._components(), counts, strict=True)
+            np.reshape(component.rvs(int(count), random), (count, self.centres.shape[1]))
+            for component, count in zip(self._components(), counts, strict=True)
             if count
         ]
         return np.concatenate(drawn)
@@ -97,16 +97,16 @@ class Proposal(NamedTuple):
         masses = belongs.sum(axis=0)
         enough = size * (size + 1) * (weights @ weights)
         centres, scales = self.centres.copy(), self.scales.copy()
-        for place, one in enumerate(belongs.T):
+        for place, membership in enumerate(belongs.T):
             # Of fewer draws than twice the numbers of a covariance.
             if masses[place] < enough:
                 continue
             offset = logs - centres[place]
             distance = np.einsum("np,pq,nq->n", offset, np.linalg.pinv(scales[place]), offset)
-            near = one * (FREEDOM + size) / (FREEDOM + distance)
-            centres[place] = near @ logs / near.sum()
+            factors = membership * (FREEDOM + size) / (FREEDOM + distance)
+            centres[place] = factors @ logs / factors.sum()
             offset = logs - centres[place]
-            scales[place] = (offset.T * near) @ offset / one.sum()
+            scales[place] = (offset.T * factors) @ offset / membership.sum()
         shares = np.maximum(masses, LEAST_SHARE)
         return Proposal(shares / shares.sum(), centres, scales)
 
@@ -118,5 +118,5 @@ class Proposal(NamedTuple):
 
     def _joint(self, logs: np.ndarray) -> np.ndarray:
         """Logarithms of share times density, (N, K)."""
-        each = [np.atleast_1d(one.logpdf(logs)) for one in self._components()]
-        return np.stack(each, axis=1) + np.log(self.shares)
+        log_densities = [np.atleast_1d(component.logpdf(logs)) for component in self._components()]
+        return np.stack(log_densities, axis=1) + np.log(self.shares)

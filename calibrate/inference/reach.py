@@ -37,25 +37,25 @@ def ends_early(
         name
         for place, name in enumerate(fit.names)
         if any(
-            _largest(fit, density, place, middle + way * along) > enough
-            for along in [BEYOND * covariance[place] / np.sqrt(covariance[place, place])]
-            for way in (-1.0, 1.0)
+            _largest(fit, density, place, middle + sign * offset) > enough
+            for offset in [BEYOND * covariance[place] / np.sqrt(covariance[place, place])]
+            for sign in (-1.0, 1.0)
         )
     )
 
 
 def _largest(fit: Fit, density: Density, place: int, logs: np.ndarray) -> float:
     """Logarithm of the density where one value is held and the others follow, if within bounds."""
-    held, largest = logs[place], -np.inf
+    held_value, largest = logs[place], -np.inf
     free = np.arange(logs.size) != place
     for _ in range(1 + STEPS):
         logs = fit.box.clip(logs)
-        if logs[place] != held:
+        if logs[place] != held_value:
             return -np.inf
-        there = fit.at(logs)
-        if not there.finite:
+        point = fit.at(logs)
+        if not point.finite:
             break
-        jacobian, value = there.jacobian, there.value
+        jacobian, value = point.jacobian, point.value
         largest = max(largest, float(density.log_density(logs, value)))
         if not free.any():
             break

@@ -65,21 +65,31 @@ def _test(sample: str | None, observable: str, residuals: np.ndarray) -> RunsTes
 def _files_without_errors(sample: Sample) -> list[tuple[str, list[int]]]:
     """Observable and places of the readings of each file, by time, concentration or height."""
     files = []
-    every = list(enumerate(sample.measurements))
+    measurements = list(enumerate(sample.measurements))
     if sample.curve is not None and sample.curve.errors == "estimated":
-        of_curve = [(one.place, place) for place, one in every if one.place is not None]
+        of_curve = [
+            (measurement.place, place)
+            for place, measurement in measurements
+            if measurement.place is not None
+        ]
         files.append((sample.curve.observable, [place for _, place in sorted(of_curve)]))
     if sample.scatter is not None:
         of_table = [
-            (one.concentration.place, place)
-            for place, one in every
-            if one.concentration is not None
+            (measurement.concentration.place, place)
+            for place, measurement in measurements
+            if measurement.concentration is not None
         ]
         files.append(("initial_velocity", [place for _, place in sorted(of_table)]))
     for table in sample.concentrations:
         if table.scatter is not None:  # their readings are in the order of time or height
-            points = ((place, one.point) for place, one in every if one.point is not None)
-            files.append((table.name, [place for place, one in points if one.table == table.name]))
+            points = (
+                (place, measurement.point)
+                for place, measurement in measurements
+                if measurement.point is not None
+            )
+            files.append(
+                (table.name, [place for place, point in points if point.table == table.name])
+            )
     return files
 
 

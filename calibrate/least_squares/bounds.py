@@ -11,9 +11,9 @@ class Bounds(NamedTuple):
     lower: np.ndarray
     upper: np.ndarray
 
-    def clip(self, at: np.ndarray) -> np.ndarray:
+    def clip(self, logs: np.ndarray) -> np.ndarray:
         """The nearest within the bounds."""
-        return np.clip(at, self.lower, self.upper)
+        return np.clip(logs, self.lower, self.upper)
 
 
 def log_bounds(names: tuple[str, ...], bounds: dict[str, tuple[float, float]]) -> Bounds:

@@ -103,7 +103,7 @@ class Fit:
     @property
     def other_optima(self) -> tuple[tuple[float, np.ndarray], ...]:
         """Half the sum of squares and the values, (P,), of all optima but this."""
-        return tuple((one.loss, one.values) for one in self.optima[1:])
+        return tuple((optimum.loss, optimum.values) for optimum in self.optima[1:])
 
 
 def fit(
@@ -178,16 +178,16 @@ def fit(
     differences = None if differentiable else FiniteDifferences(residuals, unknown, robust, step)
     programs = differences.programs if differences else prepared(residuals, unknown, data, robust)
     given = given_with(unknown, data)
-    further = [unknowns(one, {}, bounds or {}).starts(1, seed) for one in also]
-    each = np.vstack([unknown.starts(starts, seed), *further])
+    further = [unknowns(other_start, {}, bounds or {}).starts(1, seed) for other_start in also]
+    all_starts = np.vstack([unknown.starts(starts, seed), *further])
     with stoppable(), relaxed_promotion(), progress_bar(progress) as bar:
-        count = count_residuals(programs, each[0], given) - len(unknown.with_prior)
+        count = count_residuals(programs, all_starts[0], given) - len(unknown.with_prior)
         keeping = _keeping(
             checkpoint,
             start=dict(zip(unknown.names, unknown.values, strict=True)),
             priors=priors,
             bounds=bounds,
-            starts=each,
+            starts=all_starts,
             seed=seed,
             robust=robust,
             search_steps=search_steps,
@@ -195,41 +195,41 @@ def fit(
             step=step,
             data=jax.tree.leaves(data),
             # What no other fit has in common with this one.
-            residuals_at_the_start=lambda: programs.linearised(each[0], given)[1],
+            residuals_at_the_start=lambda: programs.linearised(all_starts[0], given)[1],
         )
-        jacobian = recalled(keeping("jacobian", programs.linearised), RECALLED * len(each))
-        asked = Programs(programs.traceable, keeping("residuals", programs.everything), jacobian)
-        together = len(each) if starts > 1 and differentiable else 1
-        linear = _linear(programs, asked, given, together, keeping)
-        evaluator = Evaluator(asked, given, unknown.box, bar)
-        searched = search(programs, evaluator, each, linear, optimizer, search_steps)
-        end = _end(evaluator, _with_what_was_left(evaluator, searched), each[0], finish_steps)
+        jacobian = recalled(keeping("jacobian", programs.linearised), RECALLED * len(all_starts))
+        storing = Programs(programs.traceable, keeping("residuals", programs.everything), jacobian)
+        together = len(all_starts) if starts > 1 and differentiable else 1
+        linear = _linear(programs, storing, given, together, keeping)
+        evaluator = Evaluator(storing, given, unknown.box, bar)
+        searched = search(programs, evaluator, all_starts, linear, optimizer, search_steps)
+        end = _end(evaluator, _with_what_was_left(evaluator, searched), all_starts[0], finish_steps)
     return Fit(
         **_at_the_end(end, unknown, count, searched.losses),
         model_runs=searched.runs + end.model_runs,
-        places=len(each),
+        places=len(all_starts),
         robust=robust,
         everything=programs.traceable,
-        linearised=asked.linearised,
+        linearised=storing.linearised,
         given=given,
         slopes=differences.slopes_at(end.best.logs, given) if differences else None,
     )
 
 
 def _linear(
-    programs: Programs, asked: Programs, given: Any, together: int, keeping: Callable
+    programs: Programs, storing: Programs, given: Any, together: int, keeping: Callable
 ) -> Callable:
     """Jacobians and residuals of all searches, at logarithms, (S, P).
 
     Args:
       programs: those of the fit.
-      asked: the same, which keep what they gave.
+      storing: the same programs, with their results stored.
       given: beside the logarithms; by name, data would be another call to JAX, and compiled again.
       together: searches side by side, by one program; 1 for one after another.
       keeping: stores the results of a program under a label.
     """
     if together == 1:
-        return one_by_one(lambda logs: asked.linearised(logs, given))
+        return one_by_one(lambda logs: storing.linearised(logs, given))
     return keeping(
         "jacobians", over_starts(lambda logs: programs.linearised(logs, given), together)
     )
@@ -255,19 +255,19 @@ def _with_what_was_left(evaluator: Evaluator, searched: Searched) -> np.ndarray:
 
     Rounding hides what a step promises at an optimum, and a search goes on from there.
     """
-    left = [
+    better_places = [
         best
         for end, best, least in zip(searched.ends, searched.best, searched.least, strict=True)
         if least < evaluator.at(end).loss
     ]
-    return np.vstack([searched.ends, *left])
+    return np.vstack([searched.ends, *better_places])
 
 
-def _end(evaluator: Evaluator, each: np.ndarray, start: np.ndarray, most_steps: int) -> _End:
+def _end(evaluator: Evaluator, places: np.ndarray, start: np.ndarray, most_steps: int) -> _End:
     """The best end of the searches, (S, P), without slopes where it is not converged with them."""
     ends: list[Point] = []
-    begun, runs = sorted(map(evaluator.at, each), key=lambda end: end.loss), 0
-    for end in begun:
+    first_points, runs = sorted(map(evaluator.at, places), key=lambda end: end.loss), 0
+    for end in first_points:
         # What has settled and is worse stays so.
         settled = bool(ends) and is_settled(end, evaluator.box)
         if not settled or end.loss - 0.5 * SETTLED_BELOW < ends[0].loss:
@@ -319,5 +319,5 @@ def _keeping(
     if checkpoint is None:
         return lambda _, function: function
     at_start = residuals_at_the_start()
-    kept = Checkpoint.of_work(Path(checkpoint), **work, residuals_at_the_start=at_start)
-    return partial(remembered, kept)
+    stored = Checkpoint.of_work(Path(checkpoint), **work, residuals_at_the_start=at_start)
+    return partial(remembered, stored)

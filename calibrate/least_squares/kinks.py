@@ -45,16 +45,16 @@ def without_slopes(evaluator: Evaluator, end: Point) -> tuple[Point, bool, int]:
         result, logs = _simplex(evaluator, end, size)
         resolved = result.success and np.finfo(float).eps * result.fun < FOUND_AGAIN_WITHIN
         agree = bool(number and resolved and 2.0 * end.loss - result.fun < FOUND_AGAIN_WITHIN)
-        end, more = finish(evaluator, logs, AGAIN)
+        end, more_runs = finish(evaluator, logs, AGAIN)
         if not 2.0 * end.loss <= result.fun:
             end = evaluator.at(logs)
-        runs += result.nfev + more + 1
+        runs += result.nfev + more_runs + 1
         if is_converged(end, evaluator.box) or not finite(end.jacobian):
             return end, False, runs
         if agree:
             break
-    kink, more = _jumps(evaluator, end)
-    return end, agree and kink, runs + more
+    kink, more_runs = _jumps(evaluator, end)
+    return end, agree and kink, runs + more_runs
 
 
 def _simplex(evaluator: Evaluator, end: Point, size: float) -> tuple[OptimizeResult, np.ndarray]:
@@ -97,7 +97,10 @@ def _jumps(evaluator: Evaluator, end: Point) -> tuple[bool, int]:
     errors, changes = _standard_error_steps(end), []
     for step in ASIDE:
         sides = [
-            [evaluator.at(end.logs + sign * step * along).jacobian @ errors for along in errors.T]
+            [
+                evaluator.at(end.logs + sign * step * direction).jacobian @ errors
+                for direction in errors.T
+            ]
             for sign in (1.0, -1.0)
         ]
         after, before = map(np.array, sides)

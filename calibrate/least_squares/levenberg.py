@@ -67,8 +67,8 @@ def step(point: Point, box: Bounds, radius: float = np.inf) -> tuple[np.ndarray,
         change = inside
         free &= ~beyond
     change = box.clip(point.logs + change) - point.logs
-    along = jacobian @ change
-    return change, float(-along @ (2.0 * value + along))
+    predicted_change = jacobian @ change
+    return change, float(-predicted_change @ (2.0 * value + predicted_change))
 
 
 def _shortest(jacobian: np.ndarray, value: np.ndarray, radius: float) -> np.ndarray:
@@ -78,11 +78,11 @@ def _shortest(jacobian: np.ndarray, value: np.ndarray, radius: float) -> np.ndar
         return np.zeros(jacobian.shape[1])
     seen = size > resolved(jacobian) * size[0]
     # Over the largest, so that squares of small slopes are numbers.
-    left, right, along = left[:, seen], right[seen], -left[:, seen].T @ (value / size[0])
+    left, right, coordinates = left[:, seen], right[seen], -left[:, seen].T @ (value / size[0])
     size = size[seen] / size[0]
 
     def damped(damping: float) -> np.ndarray:
-        return size * along / (size**2 + damping)
+        return size * coordinates / (size**2 + damping)
 
     def beyond(damping: float) -> float:
         return float(np.linalg.norm(damped(damping))) - radius
@@ -90,7 +90,7 @@ def _shortest(jacobian: np.ndarray, value: np.ndarray, radius: float) -> np.ndar
     if beyond(0.0) <= 0.0:
         return right.T @ damped(0.0)
     # Twice what is enough, which rounding would leave a little too long.
-    most = 2.0 * float(np.linalg.norm(size * along)) / radius
+    most = 2.0 * float(np.linalg.norm(size * coordinates)) / radius
     least = float(np.finfo(float).tiny)
     return right.T @ damped(brentq(beyond, 0.0, most, xtol=least, rtol=1e-3))
 
@@ -143,18 +143,18 @@ def minimise(
       at: residuals and slopes at some places.
       first, box, most_steps: as for `descent`, of each.
     """
-    paths = [descent(one, box, most_steps) for one in first]
+    paths = [descent(start, box, most_steps) for start in first]
     ends, evaluated = list(first), 0
     replies: dict[int, Point | None] = dict.fromkeys(range(len(paths)))
     while replies:
-        asked = {}
+        requests = {}
         for place, reply in replies.items():
             path = paths[place]
             try:
-                asked[place] = next(path) if reply is None else path.send(reply)
+                requests[place] = next(path) if reply is None else path.send(reply)
             except StopIteration as end:
                 ends[place] = end.value
-        points = at(list(asked.values())) if asked else []
-        replies = dict(zip(asked, points, strict=True))
+        points = at(list(requests.values())) if requests else []
+        replies = dict(zip(requests, points, strict=True))
         evaluated += len(points)
     return ends, evaluated

@@ -76,16 +76,16 @@ def with_others(optima: Sequence[Optimum], others: Iterable[Optimum]) -> tuple[O
 
     def known_already(other: Optimum) -> bool:
         return any(
-            np.linalg.norm(np.log(other.values / one.values)) < NEAR
-            and abs(other.loss - one.loss) < RIDGE
-            for one in known
+            np.linalg.norm(np.log(other.values / listed.values)) < NEAR
+            and abs(other.loss - listed.loss) < RIDGE
+            for listed in all_optima
         )
 
-    known = list(optima)
+    all_optima = list(optima)
     for other in others:
         if not known_already(other):
-            known.append(other)
-    return (*known[:1], *sorted(known[1:], key=lambda one: one.loss))
+            all_optima.append(other)
+    return (*all_optima[:1], *sorted(all_optima[1:], key=lambda listed: listed.loss))
 
 
 def _as_certain(end: Point, best: Point, box: Bounds) -> bool:
@@ -101,10 +101,10 @@ def _rank(end: Point) -> int:
     return int(np.sum(size > levenberg.resolved(end.jacobian) * size[0]))
 
 
-def _same(one: Point, other: Point, at: Callable[[np.ndarray], Point]) -> bool:
+def _same(first: Point, second: Point, at: Callable[[np.ndarray], Point]) -> bool:
     """True if two ends predict the same, and no ridge is between them."""
-    if np.linalg.norm(one.value - other.value) > APART:
+    if np.linalg.norm(first.value - second.value) > APART:
         return False
-    if np.linalg.norm(one.logs - other.logs) < NEAR:
+    if np.linalg.norm(first.logs - second.logs) < NEAR:
         return True
-    return at(0.5 * (one.logs + other.logs)).loss < max(one.loss, other.loss) + RIDGE
+    return at(0.5 * (first.logs + second.logs)).loss < max(first.loss, second.loss) + RIDGE

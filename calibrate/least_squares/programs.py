@@ -42,7 +42,7 @@ def compiled(
     residuals: Callable[..., Array],
     structure: Any,
     shapes: tuple[tuple[int, ...], ...],
-    held: tuple[int, ...],
+    with_prior: tuple[int, ...],
     robust: float | None,
     without_data: bool,
 ) -> Programs:
@@ -51,11 +51,11 @@ def compiled(
     Args:
       residuals: as for `fit`.
       structure, shapes: of the pytree.
-      held: places of the values that have a prior.
+      with_prior: places of the values that have a prior.
       robust: as for `fit`.
       without_data: whether the residuals take no data.
     """
-    places = np.array(held, int)
+    places = np.array(with_prior, int)
 
     @jax.jit
     def everything(logs: Array, given: Given) -> Array:
@@ -87,8 +87,8 @@ def prepared(
       residuals, data, robust: as for `fit`.
       unknown: what is fitted.
     """
-    held, without_data = unknown.with_prior, data is None
-    return compiled(residuals, unknown.structure, unknown.shapes, held, robust, without_data)
+    with_prior, without_data = unknown.with_prior, data is None
+    return compiled(residuals, unknown.structure, unknown.shapes, with_prior, robust, without_data)
 
 
 def given_with(unknown: Unknowns, data: Any) -> Given:
@@ -146,8 +146,10 @@ def over_starts(function: Callable, starts: int) -> Callable:
         for first in range(0, starts, AT_ONCE):
             # The last of them are filled up, for one program.
             rows = np.minimum(np.arange(first, first + AT_ONCE), starts - 1)
-            some = mapped(*jax.tree.map(partial(np.take, indices=rows, axis=0), arguments))
-            results.append(jax.tree.map(np.asarray, some))
+            results_of_rows = mapped(
+                *jax.tree.map(partial(np.take, indices=rows, axis=0), arguments)
+            )
+            results.append(jax.tree.map(np.asarray, results_of_rows))
         return jax.tree.map(lambda *leaves: np.concatenate(leaves)[:starts], *results)
 
     return over_all
@@ -203,8 +205,8 @@ def remembered(work: Checkpoint, name: str, function: Callable) -> Callable:
 
     def recall_or_call(logs: np.ndarray, *given: Given) -> Any:
         label = f"{name}-{digest(logs)}"
-        if (kept := work.load(label)) is not None:
-            leaves = list(kept[0].values())
+        if (stored := work.load(label)) is not None:
+            leaves = list(stored[0].values())
         else:
             leaves = jax.tree.leaves(function(logs, *given))
             work.save(label, {str(place): array for place, array in enumerate(leaves)})

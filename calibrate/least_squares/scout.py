@@ -55,26 +55,26 @@ def scout(
         count = count_residuals(programs, places[0], given) - len(unknown.with_prior)
         at = _together(programs, given)
         points = at(list(places))
-        best = sorted(points[1 + FIRST :], key=lambda one: one.loss)[:BEST]
-        begun = [one for one in (*points[: 1 + FIRST], *best) if one.finite]
-        ends, _ = minimise(at, begun, unknown.box, MOST_STEPS)
-        found = distinct(ends, places[0], unknown.box, lambda logs: at([logs])[0])
-        return [optimum(end, count, finished=False) for end in found]
+        best = sorted(points[1 + FIRST :], key=lambda point: point.loss)[:BEST]
+        first_points = [point for point in (*points[: 1 + FIRST], *best) if point.finite]
+        ends, _ = minimise(at, first_points, unknown.box, MOST_STEPS)
+        different = distinct(ends, places[0], unknown.box, lambda logs: at([logs])[0])
+        return [optimum(end, count, finished=False) for end in different]
 
 
 def _together(programs: Programs, given: Given) -> Callable[[list[np.ndarray]], list[Point]]:
     """Residuals and slopes at any number of places, by one program for some at a time."""
-    some = side_by_side(programs.linearised)
+    program = side_by_side(programs.linearised)
 
     def at(places: list[np.ndarray]) -> list[Point]:
         points = []
         for first in range(0, len(places), AT_ONCE):
-            asked = places[first : first + AT_ONCE]
-            filled = np.stack([*asked, *[asked[-1]] * (AT_ONCE - len(asked))])
-            found = map(np.asarray, some(filled, given))
+            batch = places[first : first + AT_ONCE]
+            filled = np.stack([*batch, *[batch[-1]] * (AT_ONCE - len(batch))])
+            results = map(np.asarray, program(filled, given))
             points += [
                 Point(half_square(value), logs, jacobian, value)
-                for logs, jacobian, value in zip(asked, *found, strict=False)
+                for logs, jacobian, value in zip(batch, *results, strict=False)
             ]
         return points
 

@@ -41,7 +41,7 @@ class Searched(NamedTuple):
 def search(
     programs: Programs,
     evaluator: Evaluator,
-    each: np.ndarray,
+    places: np.ndarray,
     linear: Callable,
     optimizer: optax.GradientTransformationExtraArgs,
     most_steps: int,
@@ -51,12 +51,12 @@ def search(
     Args:
       programs: those of the fit.
       evaluator: what asks the model.
-      each: logarithms where the searches begin, (S, P).
+      places: logarithms at which the searches begin, (S, P).
       linear: Jacobian and residuals of all of them.
       optimizer: one step of each search.
       most_steps: at most.
     """
-    state = jax.jit(jax.vmap(optimizer.init))(each)
+    state = jax.jit(jax.vmap(optimizer.init))(places)
     losses: list[float] = []
     runs = 0
 
@@ -71,35 +71,35 @@ def search(
         )
         return optax.apply_updates(logs, change), state
 
-    update = over_starts(jax.jit(updated), len(each))
-    in_valley = np.zeros(len(each), bool)
-    best, least = each.copy(), np.full(len(each), np.inf)
-    usable = each.copy()  # where something could be predicted last, or Gauss-Newton leads
+    update = over_starts(jax.jit(updated), len(places))
+    in_valley = np.zeros(len(places), bool)
+    best, least = places.copy(), np.full(len(places), np.inf)
+    usable = places.copy()  # where something could be predicted last, or Gauss-Newton leads
     for _ in range(most_steps):
-        jacobian, value = linear(each)
+        jacobian, value = linear(places)
         runs += int((~in_valley).sum())
-        loss = np.array([half_square(one) for one in value])
+        loss = np.array([half_square(residuals) for residuals in value])
         lower = loss < least
-        best[lower], least[lower] = each[lower], loss[lower]
+        best[lower], least[lower] = places[lower], loss[lower]
         losses.append(float(least.min()))
         evaluator.tell("search", losses[-1])
-        finite = np.array([is_finite(*one) for one in zip(jacobian, value, strict=True)])
+        finite = np.array([is_finite(*arrays) for arrays in zip(jacobian, value, strict=True)])
         lost = ~finite & ~in_valley
         for row in np.flatnonzero(finite & ~in_valley):
-            here = Point(half_square(value[row]), each[row], jacobian[row], value[row])
+            here = Point(half_square(value[row]), places[row], jacobian[row], value[row])
             ahead = _trusted(evaluator, here)
             runs += 1
             in_valley[row] = ahead is not None
-            usable[row] = ahead if in_valley[row] else each[row]
+            usable[row] = ahead if in_valley[row] else places[row]
         # From where nothing can be predicted, halfway back to where it could.
-        back = 0.5 * (each + usable)
-        hopeless = lost & (np.abs(back - usable).max(axis=1) < HOPELESS)
+        halfway = 0.5 * (places + usable)
+        hopeless = lost & (np.abs(halfway - usable).max(axis=1) < HOPELESS)
         if (in_valley | hopeless).all():
             break
         moving = finite & ~in_valley
-        moved, next_state = update(each, state, value, jacobian)
+        moved, next_state = update(places, state, value, jacobian)
         state = jax.tree.map(partial(_where, moving), next_state, state)
-        each = evaluator.box.clip(_where(moving, moved, _where(lost, back, usable)))
+        places = evaluator.box.clip(_where(moving, moved, _where(lost, halfway, usable)))
     return Searched(usable, best, least, losses, runs)
 
 

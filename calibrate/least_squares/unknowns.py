@@ -38,8 +38,8 @@ class Unknowns(NamedTuple):
     @property
     def spread(self) -> np.ndarray:
         """Standard deviations of the logarithms that are believed possible, (P,)."""
-        held = self.precision > 0.0
-        return np.where(held, 1.0 / np.sqrt(np.where(held, self.precision, 1.0)), SPREAD)
+        has_prior = self.precision > 0.0
+        return np.where(has_prior, 1.0 / np.sqrt(np.where(has_prior, self.precision, 1.0)), SPREAD)
 
     def tree(self, values: Any) -> Any:
         """Values, (P,), in the pytree."""
@@ -116,11 +116,11 @@ def _refuse_unusable(
     for name, value in zip(names, values, strict=True):
         if not (np.isfinite(value) and value > 0):
             raise InputError(f"start of {name} = {value}: must be a positive number")
-    for what, table in (("prior", priors), ("bounds", bounds)):
+    for kind, table in (("prior", priors), ("bounds", bounds)):
         for name in table:
             if name not in names:
                 raise InputError(
-                    f"{what} for {name!r}: no such parameter; the start has {', '.join(names)}"
+                    f"{kind} for {name!r}: no such parameter; the start has {', '.join(names)}"
                 )
     for name, prior in priors.items():
         if not (0 < prior.median < np.inf and 0 < prior.log_standard_deviation < np.inf):

@@ -21,7 +21,7 @@ TIME_SCALES = ("f_w", "f_s", "f_v", "viscosity", "gravity", "particle_density", 
 def needs_a_bed(sample: Sample) -> bool:
     """True if what was measured depends on the bed at rest."""
     of_bed = {"final_ratio", "volume_fraction", *CURVES}
-    return any(one.observable in of_bed for one in sample.measurements)
+    return any(measurement.observable in of_bed for measurement in sample.measurements)
 
 
 def can_be(sample: Sample, suspension: Suspension) -> Array:

@@ -36,9 +36,9 @@ def closed_form(
       InputError: a bed is asked for, and its volume fraction is not known.
     """
     bed = simulated_fraction(sample, near, seed, varied, checkpoint)
-    read = jnp.asarray(sample.times, float)
+    reading_times = jnp.asarray(sample.times, float)
 
-    def predict(suspension: Suspension, times: Array = read) -> Prediction:
+    def predict(suspension: Suspension, times: Array = reading_times) -> Prediction:
         velocity = jnp.mean(mrjax.terminal_velocity(suspension.parameters))
         final = final_ratio(suspension, bed)
         ratio = jnp.maximum(1.0 - velocity * times / sample.height, final)

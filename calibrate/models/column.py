@@ -39,7 +39,7 @@ def column(
         not settle at every fraction up to that of the bed.
     """
     bed = simulated_fraction(sample, near, seed, varied, checkpoint)
-    read, height = jnp.asarray(sample.times, float), jnp.asarray(sample.height, float)
+    reading_times, height = jnp.asarray(sample.times, float), jnp.asarray(sample.height, float)
 
     def flux_of(suspension: Suspension) -> kynch.Table:
         densest = jnp.asarray(fraction_of_bed(suspension, bed), float)
@@ -51,7 +51,7 @@ def column(
         column_checks.refuse_not_settling(flux_of(near))
 
     @jax.jit  # one program for calls with plain numbers, too
-    def predict(suspension: Suspension, times: Array = read) -> Prediction:
+    def predict(suspension: Suspension, times: Array = reading_times) -> Prediction:
         velocity = jnp.mean(mrjax.terminal_velocity(suspension.parameters))
         final = final_ratio(suspension, bed)
         ratio, local = jnp.zeros(0), jnp.zeros(0)

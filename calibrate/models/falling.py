@@ -88,17 +88,17 @@ def falls(name: str, recipe: Recipe, near: Suspension, seed: int, fractions: tup
     Raises:
       InputError: particles that cannot be dispersed at one of them.
     """
-    return [_fall_at(name, recipe, near, seed, one) for one in fractions]
+    return [_fall_at(name, recipe, near, seed, fraction) for fraction in fractions]
 
 
 def _fall_at(name: str, recipe: Recipe, near: Suspension, seed: int, fraction: float) -> Fall:
     try:
-        other = recipe.replace(composition={"volume_fraction": fraction})
-        state = mrjax.disperse(other, seed)
+        diluted_recipe = recipe.replace(composition={"volume_fraction": fraction})
+        state = mrjax.disperse(diluted_recipe, seed)
     except InputError as error:
         at = f"at the volume fraction {fraction:.4g} of one of its velocities"
         raise InputError(f"sample {name!r}: {at}: {error}") from None
-    radius = other.parameters().radius
+    radius = diluted_recipe.parameters().radius
 
     def diluted(suspension: Suspension) -> Suspension:
         """The suspension at the fraction; of several sizes, with those of its own particles."""
@@ -107,5 +107,5 @@ def _fall_at(name: str, recipe: Recipe, near: Suspension, seed: int, fraction: f
             return at
         return replace(at, parameters=at.parameters.replace(radius=radius))
 
-    velocity = fall(name, other, diluted(near), state)
+    velocity = fall(name, diluted_recipe, diluted(near), state)
     return lambda suspension: velocity(diluted(suspension))

@@ -31,7 +31,7 @@ HOLD_EVERYWHERE: tuple[ForwardModelMaker, ...] = (closed_form, column)
 
 def cheap_model(make: ForwardModelMaker) -> ForwardModelMaker | None:
     """The cheap model of another; None of a user's own."""
-    return next((cheap for one, cheap in CHEAP.items() if one is make), None)
+    return next((cheap for expensive, cheap in CHEAP.items() if expensive is make), None)
 
 
 def forward_model(model: str | ForwardModelMaker) -> ForwardModelMaker:

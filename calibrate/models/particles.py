@@ -36,7 +36,7 @@ def particles(
     """
     recipe = sample.recipe
     falling = mrjax.terminal_velocity(near.parameters)
-    read = jnp.asarray(sample.times, float)
+    reading_times = jnp.asarray(sample.times, float)
     if sample.times and near.bed_fraction is not None:
         raise InputError(
             f"sample {sample.name!r}: the particles of a curve pack as they will; take {BED} away, "
@@ -48,25 +48,29 @@ def particles(
             "with column or closed-form"
         )
     diluted = falls(sample.name, recipe, near, seed, sample.fractions)
-    state = own = None
-    if not diluted or any(one.concentration is None for one in sample.measurements):
+    state = undiluted = None
+    if not diluted or any(measurement.concentration is None for measurement in sample.measurements):
         state = mrjax.disperse(recipe, seed)
-        own = fall(sample.name, recipe, near, state)
+        undiluted = fall(sample.name, recipe, near, state)
     simulated = needs_a_bed(sample) and near.bed_fraction is None
     if simulated and state is not None:
         refuse_other_paths(sample, varied)
-        whole = to_rest(recipe, near, state, checkpoint)
-        ratios = interface.sedimentation_ratio(whole)
+        run = to_rest(recipe, near, state, checkpoint)
+        ratios = interface.sedimentation_ratio(run)
 
-    def predict(suspension: Suspension, times: Array = read) -> Prediction:
-        velocity = jnp.asarray(jnp.nan) if own is None else own(suspension)
-        velocities = jnp.stack([one(suspension) for one in diluted]) if diluted else jnp.zeros(0)
+    def predict(suspension: Suspension, times: Array = reading_times) -> Prediction:
+        velocity = jnp.asarray(jnp.nan) if undiluted is None else undiluted(suspension)
+        velocities = (
+            jnp.stack([velocity_of(suspension) for velocity_of in diluted])
+            if diluted
+            else jnp.zeros(0)
+        )
         if not simulated:
             final = final_ratio(suspension, None)
             return prediction(sample, suspension, velocity, final, times, velocities)
         faster = jnp.mean(mrjax.terminal_velocity(suspension.parameters)) / jnp.mean(falling)
         scaled = times * faster * (recipe.box.height / sample.height)
-        ratio = jnp.interp(scaled, whole.times, ratios)
+        ratio = jnp.interp(scaled, run.times, ratios)
         return prediction(sample, suspension, velocity, ratios[-1], ratio, velocities)
 
     return predict

@@ -39,7 +39,7 @@ class Layers(NamedTuple):
 
 def layers(sample: Sample) -> Layers:
     """The layers in which the concentrations of a sample were measured."""
-    height, time, thickness = jnp.asarray([one[:3] for one in sample.points], float).T
+    height, time, thickness = jnp.asarray([point[:3] for point in sample.points], float).T
     return Layers(height, time, thickness)
 
 

@@ -80,17 +80,17 @@ def begin(
     unknown = unknowns(problem.start, problem.priors, problem.bounds)
     places = unknown.starts(1 + DRAWN if problem.models else 1, seed)
     places = with_initial_slopes(problem.experiment, unknown, places)
-    found = scout(residuals, unknown, places, robust, data) if problem.models else []
+    optima = scout(residuals, unknown, places, robust, data) if problem.models else []
 
     def theta(values: np.ndarray) -> Theta:
         return OrderedDict(zip(unknown.names, map(float, values), strict=True))
 
-    if not found:
+    if not optima:
         return Beginnings([theta(np.exp(places[0]))], [], 0)
-    limit = TIMES_WORSE * found[0].loss + WORSE
-    promising = [one for one in found[:MOST] if one.loss <= limit]
-    others = [one._replace(finished=finished) for one in found[len(promising) :]]
-    return Beginnings([theta(one.values) for one in promising], others, len(places))
+    limit = TIMES_WORSE * optima[0].loss + WORSE
+    promising = [optimum for optimum in optima[:MOST] if optimum.loss <= limit]
+    others = [optimum._replace(finished=finished) for optimum in optima[len(promising) :]]
+    return Beginnings([theta(optimum.values) for optimum in promising], others, len(places))
 
 
 def _simulates_a_bed(experiment: Experiment) -> bool:

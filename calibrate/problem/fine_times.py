@@ -27,11 +27,11 @@ def times_between(readings: Sequence[float]) -> np.ndarray:
     Returns:
       increasing times in s, those of readings among them.
     """
-    known = np.unique([0.0, *readings])
-    widest = known[-1] / INTERVALS
-    parts = np.maximum(np.ceil(np.diff(known) / widest), FEWEST_PARTS).astype(int)
+    times = np.unique([0.0, *readings])
+    widest = times[-1] / INTERVALS
+    parts = np.maximum(np.ceil(np.diff(times) / widest), FEWEST_PARTS).astype(int)
     between = [
         np.linspace(first, last, number, endpoint=False)
-        for first, last, number in zip(known[:-1], known[1:], parts, strict=True)
+        for first, last, number in zip(times[:-1], times[1:], parts, strict=True)
     ]
-    return np.array([*np.concatenate(between), known[-1]])
+    return np.array([*np.concatenate(between), times[-1]])

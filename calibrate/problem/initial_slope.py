@@ -25,12 +25,14 @@ def initial_slope(sample: Sample) -> float | None:
 
     Of the straight line through the readings of its first third.
     """
-    curve = [one for one in sample.measurements if one.observable in CURVES]
+    curve = [measurement for measurement in sample.measurements if measurement.observable in CURVES]
     if not curve:
         return None
     scale = sample.height if curve[0].observable == "sedimentation_ratio" else 1.0
-    heights = np.array([sample.height, *(one.value * one.si * scale for one in curve)])
-    times = np.array([0.0, *(sample.times[one.place or 0] for one in curve)])
+    heights = np.array(
+        [sample.height, *(measurement.value * measurement.si * scale for measurement in curve)]
+    )
+    times = np.array([0.0, *(sample.times[measurement.place or 0] for measurement in curve)])
     if not heights.min() < heights[0]:
         return None
     least = heights[0] - SHARE * (heights[0] - heights.min())
@@ -54,30 +56,32 @@ def with_initial_slopes(
       places: logarithms, (S, P).
     """
     slopes = [initial_slope(sample) for sample in experiment.samples]
-    begun = [
+    falling_samples = [
         (sample, slope) for sample, slope in zip(experiment.samples, slopes, strict=True) if slope
     ]
-    if not begun:
+    if not falling_samples:
         return places
 
     def missing(logs: Array) -> tuple[Array, Array]:
         theta = unknown.tree(jnp.exp(logs))
         falling = [
             jnp.mean(terminal_velocity(experiment.suspension_of(sample, theta).parameters))
-            for sample, _ in begun
+            for sample, _ in falling_samples
         ]
-        logs_of = jnp.log(jnp.stack(falling)) - jnp.log(jnp.array([slope for _, slope in begun]))
+        logs_of = jnp.log(jnp.stack(falling)) - jnp.log(
+            jnp.array([slope for _, slope in falling_samples])
+        )
         return logs_of, logs_of
 
     linearised = jax.jit(jax.vmap(jax.jacfwd(missing, has_aux=True)))
     moved = places
     with relaxed_promotion():
         for _ in range(STEPS):
-            slopes_of, off = map(np.asarray, linearised(moved))
+            slopes_of, mismatch = map(np.asarray, linearised(moved))
             spread = slopes_of * unknown.spread  # of each velocity by each value, (S, K, P)
-            known = np.isfinite(spread).all(axis=(1, 2)) & np.isfinite(off).all(axis=1)
-            inverse = np.linalg.pinv(spread[known], rcond=CERTAIN)
-            steps = np.einsum("spk,sk->sp", inverse, off[known])
+            usable = np.isfinite(spread).all(axis=(1, 2)) & np.isfinite(mismatch).all(axis=1)
+            inverse = np.linalg.pinv(spread[usable], rcond=CERTAIN)
+            steps = np.einsum("spk,sk->sp", inverse, mismatch[usable])
             moved = moved.copy()
-            moved[known] = unknown.box.clip(moved[known] - unknown.spread * steps)
+            moved[usable] = unknown.box.clip(moved[usable] - unknown.spread * steps)
     return moved

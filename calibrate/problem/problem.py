@@ -98,10 +98,10 @@ class Problem:
         """
         suspension_of = self.experiment.suspension_of
         for sample in () if self.everywhere else self.experiment.samples:
-            asked, prepared = (
+            wanted, prepared = (
                 _velocities(sample, suspension_of(sample, values)) for values in (theta, self.near)
             )
-            if (np.abs(np.log(asked / prepared)) > np.log(HOLDS_WITHIN)).any():
+            if (np.abs(np.log(wanted / prepared)) > np.log(HOLDS_WITHIN)).any():
                 return False
         return True
 
@@ -120,12 +120,19 @@ class Problem:
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
         """Physical bounds, by variable: a fit keeps within them."""
-        return {one.variable: bounds(self.experiment, one) for one in self.experiment.parameters}
+        return {
+            parameter.variable: bounds(self.experiment, parameter)
+            for parameter in self.experiment.parameters
+        }
 
     @property
     def measurements(self) -> Sequence[tuple[Sample | None, Measurement]]:
         """All measurements, in the order of the residuals, with the sample that they are of."""
-        return [(sample, one) for sample in self.experiment.samples for one in sample.measurements]
+        return [
+            (sample, measurement)
+            for sample in self.experiment.samples
+            for measurement in sample.measurements
+        ]
 
     def predict(self, theta: dict[str, Array]) -> Array:
         """Predicted measurements, each in the unit of its measurement, (M,).
@@ -137,14 +144,14 @@ class Problem:
             suspension = self.experiment.suspension_of(sample, theta)
             # A factor, not a `where`: derivatives are not a number, either.
             possible = jnp.where(can_be(sample, suspension), 1.0, jnp.nan)
-            predicted += [possible * one for one in as_measured(sample, model(suspension))]
+            predicted += [possible * value for value in as_measured(sample, model(suspension))]
         return jnp.stack(predicted)
 
     @property
     def curves(self) -> list[tuple[Sample, Measurement]]:
         """Samples that have a curve, each with one of its readings."""
-        every = ((sample, sample.readings_of_curve) for sample in self.experiment.samples)
-        return [(sample, readings[0]) for sample, readings in every if readings]
+        pairs = ((sample, sample.readings_of_curve) for sample in self.experiment.samples)
+        return [(sample, readings[0]) for sample, readings in pairs if readings]
 
     def predict_curves(self, theta: dict[str, Array], times: Sequence[np.ndarray]) -> list[Array]:
         """Predicted curves, each at its times, (T,) in s, and in the unit of its readings.
@@ -155,10 +162,10 @@ class Problem:
         """
         model_of = self._model_of
         curves = []
-        for (sample, one), at in zip(self.curves, times, strict=True):
+        for (sample, reading), times_of_curve in zip(self.curves, times, strict=True):
             model, suspension = model_of[sample.name], self.experiment.suspension_of(sample, theta)
-            given = {"times": jnp.asarray(at)} if takes_times(model) else {}
-            curves.append(model(suspension, **given)[one.observable] / one.si)
+            keywords = {"times": jnp.asarray(times_of_curve)} if takes_times(model) else {}
+            curves.append(model(suspension, **keywords)[reading.observable] / reading.si)
         return curves
 
     def times_of_curves(self) -> list[np.ndarray]:
@@ -180,12 +187,12 @@ class Problem:
     @property
     def measured(self) -> np.ndarray:
         """The measured values, each in its unit, (M,)."""
-        return np.array([one.value for _, one in self.measurements])
+        return np.array([measurement.value for _, measurement in self.measurements])
 
     @property
     def errors(self) -> np.ndarray:
         """Standard deviations of the measured values, each in its unit, (M,)."""
-        return np.array([one.standard_deviation for _, one in self.measurements])
+        return np.array([measurement.standard_deviation for _, measurement in self.measurements])
 
     def residuals(self, theta: dict[str, Array], measured: Array | None = None) -> Array:
         """(prediction - measurement) / standard deviation, (M,).
@@ -209,5 +216,5 @@ class Problem:
 
 def _velocities(sample: Sample, suspension: Suspension) -> np.ndarray:
     """Velocities of the particles of a sample, and those at each concentration of its table."""
-    own = np.ravel(np.asarray(terminal_velocity(suspension.parameters)))
-    return np.concatenate([own, np.asarray(terminal_velocities(sample, suspension))])
+    undiluted = np.ravel(np.asarray(terminal_velocity(suspension.parameters)))
+    return np.concatenate([undiluted, np.asarray(terminal_velocities(sample, suspension))])

@@ -81,12 +81,12 @@ def with_freedom(problem: Problem, estimated: Problem) -> Problem:
     pairs = zip(problem.experiment.samples, estimated.experiment.samples, strict=True)
     samples = tuple(
         replace(
-            one,
+            sample,
             scatter=other.scatter,
             curve_scatter=other.curve_scatter,
             concentrations=other.concentrations,
         )
-        for one, other in pairs
+        for sample, other in pairs
     )
     return replace(problem, experiment=replace(problem.experiment, samples=samples))
 
@@ -116,9 +116,11 @@ def places_of_scatter(problem: Problem, fit: Fit) -> list[np.ndarray]:
         chosen = [
             (_of_table(sample), sample.scatter),
             (_of_curve(sample), sample.curve_scatter),
-            *((_of_local_table(sample, one), one.scatter) for one in sample.concentrations),
+            *((_of_local_table(sample, table), table.scatter) for table in sample.concentrations),
         ]
-        groups += [(place.start + np.flatnonzero(own), scatter) for own, scatter in chosen]
+        groups += [
+            (place.start + np.flatnonzero(is_in_group), scatter) for is_in_group, scatter in chosen
+        ]
     if isinstance(scatter := getattr(experiment, "scatter", None), Scatter):  # of a simulator
         groups.append((np.arange(fit.residuals.size), scatter))
     return [
@@ -141,17 +143,19 @@ def uncapped(fit: Fit) -> np.ndarray:
 
 def _of_table(sample: Sample) -> np.ndarray:
     """True for velocities of a table, (M,)."""
-    return np.array([one.concentration is not None for one in sample.measurements], bool)
+    return np.array(
+        [measurement.concentration is not None for measurement in sample.measurements], bool
+    )
 
 
 def _of_curve(sample: Sample) -> np.ndarray:
     """True for readings of a curve, (M,)."""
-    return np.array([one.place is not None for one in sample.measurements], bool)
+    return np.array([measurement.place is not None for measurement in sample.measurements], bool)
 
 
 def _of_local_table(sample: Sample, table: LocalTable) -> np.ndarray:
     """True for readings of a table of local concentrations, (M,)."""
-    names = [one.point and one.point.table for one in sample.measurements]
+    names = [measurement.point and measurement.point.table for measurement in sample.measurements]
     return np.array([name == table.name for name in names], bool)
 
 
@@ -182,13 +186,15 @@ def _with_scatter_of_curve(
     """A sample with the scatter of its curve, where it is to be fitted; as for velocities."""
     if sample.curve_scatter is None or sample.curve_scatter.source == "repeats":
         return sample
-    read, one = _of_curve(sample), sample.readings_of_curve[0]
-    whole = 1.0 if one.observable == "sedimentation_ratio" else sample.height
-    least, free = LEAST * whole / one.si, float(freedom[read].sum())
+    in_curve, first_reading = _of_curve(sample), sample.readings_of_curve[0]
+    full_height = 1.0 if first_reading.observable == "sedimentation_ratio" else sample.height
+    least, free = LEAST * full_height / first_reading.si, float(freedom[in_curve].sum())
     assumed = sample.curve_scatter._replace(degrees_of_freedom=0.0, source="assumed")
-    scatter = _estimate(residuals[read], free, robust, least, assumed)
+    scatter = _estimate(residuals[in_curve], free, robust, least, assumed)
     errors = np.full(predicted.shape, scatter.value)
-    return replace(sample, measurements=_with_errors(sample, read, errors), curve_scatter=scatter)
+    return replace(
+        sample, measurements=_with_errors(sample, in_curve, errors), curve_scatter=scatter
+    )
 
 
 def _with_scatter_of_concentrations(
@@ -224,8 +230,8 @@ def _with_errors(sample: Sample, chosen: np.ndarray, errors: np.ndarray) -> tupl
     """The measurements, (M,), the chosen ones with these errors."""
     triples = zip(sample.measurements, chosen, errors, strict=True)
     return tuple(
-        one._replace(standard_deviation=float(error)) if takes else one
-        for one, takes, error in triples
+        measurement._replace(standard_deviation=float(error)) if takes else measurement
+        for measurement, takes, error in triples
     )
 
 

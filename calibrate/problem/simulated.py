@@ -56,20 +56,22 @@ class SimulatorProblem(Problem):
     def _refuse_the_start(self) -> None:
         """Refuses a function that gives nothing at the start."""
         values = self._values(self.start)
-        at = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
+        values_text = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
         try:
             predicted = self.predict(self.start)
         except InputError as error:
-            raise InputError(f"{error} (at the start, {at})") from None
+            raise InputError(f"{error} (at the start, {values_text})") from None
         except Exception as error:
             raise InputError(
-                f"predict raises {type(error).__name__} at the start, {at}: {error}; mend it, or "
+                f"predict raises {type(error).__name__} at the start, {values_text}: {error}; "
+                "mend it, or "
                 "give a start where it predicts"
             ) from error
         if not np.isfinite(predicted).all():
             place = int(np.argmin(np.isfinite(predicted)))
             raise InputError(
-                f"predict: prediction {place} is {predicted[place]} at the start, {at}; give a "
+                f"predict: prediction {place} is {predicted[place]} at the start, {values_text}; "
+                "give a "
                 "start where it predicts"
             )
 
@@ -99,16 +101,21 @@ class SimulatorProblem(Problem):
     def bounds(self) -> dict[str, tuple[float, float]]:
         """Bounds of the odds of what is between bounds, by variable."""
         ends = NEAREST / (1.0 - NEAREST), (1.0 - NEAREST) / NEAREST
-        return {one.variable: ends for one in self.experiment.parameters if one.bounds}
+        return {
+            parameter.variable: ends for parameter in self.experiment.parameters if parameter.bounds
+        }
 
     @property
     def measurements(self) -> Sequence[tuple[Sample | None, Measurement]]:
         """The readings, of no sample."""
-        return [(None, one) for one in self.experiment.measurements]
+        return [(None, measurement) for measurement in self.experiment.measurements]
 
     def _values(self, theta: Mapping[str, Any]) -> dict[str, Any]:
         """Values by name, held ones too, from the fit's variables."""
-        free = {one.name: one.value(theta[one.variable]) for one in self.experiment.parameters}
+        free = {
+            parameter.name: parameter.value(theta[parameter.variable])
+            for parameter in self.experiment.parameters
+        }
         return free | self.simulator.held
 
     def predict(self, theta: Mapping[str, ArrayLike]) -> Any:
@@ -153,20 +160,20 @@ class SimulatorProblem(Problem):
         self._refuse_shape(predicted.shape)
         return predicted if errors is None else (predicted - jnp.asarray(self.measured)) / errors
 
-    def with_scatter(self, found: Fit) -> "SimulatorProblem":
+    def with_scatter(self, fitted: Fit) -> "SimulatorProblem":
         """The problem with the scatter that the residuals of a fit give.
 
         Raises:
           InputError: as many values are fitted as there are readings.
         """
-        free = self.measured.size - float(leverages(found.jacobian, found.prior_precision).sum())
+        free = self.measured.size - float(leverages(fitted.jacobian, fitted.prior_precision).sum())
         if free < FEWEST_FREE - 1e-6:
             raise InputError(
                 f"errors: are left out, and {self.measured.size} readings less what is fitted to "
                 "them do not tell their scatter; state errors, or give more readings"
             )
         least = LEAST_SCATTER * (float(np.abs(self.measured).max()) or 1.0)
-        estimated = scale_of(uncapped(found) * self.errors, free, found.robust is not None)
+        estimated = scale_of(uncapped(fitted) * self.errors, free, fitted.robust is not None)
         scatter = Scatter(max(estimated, least), free, "fit")
         errors = np.full(self.measured.shape, scatter.value)
         experiment = replace(self.experiment, standard_deviations=errors, scatter=scatter)
@@ -177,7 +184,7 @@ class SimulatorProblem(Problem):
         experiment = replace(self.experiment, scatter=estimated.experiment.scatter)
         return replace(self, experiment=experiment)
 
-    def refuse_untrue_slopes(self, found: Fit) -> None:
+    def refuse_untrue_slopes(self, fitted: Fit) -> None:
         """Refuses a traced function that is not the one that is called.
 
         One that stops gradients, or remembers what it was traced with, has slopes of zero.
@@ -185,25 +192,29 @@ class SimulatorProblem(Problem):
         Raises:
           InputError: predictions, or a slope that is zero, differ from those of plain calls.
         """
-        if not self.traced or not np.isfinite(found.values).all():
+        if not self.traced or not np.isfinite(fitted.values).all():
             return
         remedy = "give differentiable=False for slopes by finite differences"
-        called = self.predict(found.theta)
-        traced = self.measured + uncapped(found) * self.errors
-        allowed = AGREES_WITHIN * np.abs(called).max()
-        if np.abs(called - traced).max() > allowed:
-            place = int(np.argmax(np.abs(called - traced)))
+        plain_predictions = self.predict(fitted.theta)
+        traced = self.measured + uncapped(fitted) * self.errors
+        allowed = AGREES_WITHIN * np.abs(plain_predictions).max()
+        if np.abs(plain_predictions - traced).max() > allowed:
+            place = int(np.argmax(np.abs(plain_predictions - traced)))
             raise InputError(
-                f"predict: gives {called[place]:.6g} where it is called and {traced[place]:.6g} "
+                f"predict: gives {plain_predictions[place]:.6g} where it is called and "
+                f"{traced[place]:.6g} "
                 f"where JAX traces it; {remedy}"
             )
-        for one, slopes in zip(self.experiment.parameters, found.jacobian.T, strict=True):
+        for parameter, slopes in zip(self.experiment.parameters, fitted.jacobian.T, strict=True):
             if slopes.any():
                 continue
-            moved = self.predict({**found.theta, one.variable: found.theta[one.variable] * MOVED})
-            if np.abs(moved - called).max() > 1e-3 * allowed:
+            changed_predictions = self.predict(
+                {**fitted.theta, parameter.variable: fitted.theta[parameter.variable] * MOVED}
+            )
+            if np.abs(changed_predictions - plain_predictions).max() > 1e-3 * allowed:
                 raise InputError(
-                    f"predict: depends on {one.name}, of which its derivative by JAX is zero; "
+                    f"predict: depends on {parameter.name}, of which its derivative by JAX is "
+                    "zero; "
                     f"{remedy}"
                 )
 
@@ -233,7 +244,7 @@ def fit_simulator(
 
     def fit_errors(with_errors: SimulatorProblem, number: int) -> Fit:
         nonlocal near, places
-        found = fit(
+        result = fit(
             residuals,
             near,
             data=with_errors.errors,  # as data: one compiled program for all rounds
@@ -247,14 +258,14 @@ def fit_simulator(
             progress=progress,
             checkpoint=checkpoint and Path(checkpoint) / f"scatter-{number}",
         )
-        near, places = found.theta, 1
-        return replace(found, places=starts)
+        near, places = result.theta, 1
+        return replace(result, places=starts)
 
     if simulator.errors is None:
-        problem, found = fit_with_scatter(
+        problem, result = fit_with_scatter(
             problem, fit_errors, SimulatorProblem.with_scatter, SimulatorProblem.with_freedom
         )
     else:
-        found = fit_errors(problem, 0)
-    problem.refuse_untrue_slopes(found)
-    return problem, found
+        result = fit_errors(problem, 0)
+    problem.refuse_untrue_slopes(result)
+    return problem, result

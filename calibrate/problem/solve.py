@@ -68,11 +68,11 @@ def fit_experiment(
             **common,
         )
         starts = 1
-        begun = Beginnings([first.theta], list(first.optima[1:]), first.places)
+        start = Beginnings([first.theta], list(first.optima[1:]), first.places)
     else:
-        begun = beginnings(experiment, model, seed, robust)
-    near, *promising = begun.promising
-    others, places, spent = begun.others, begun.places + starts, 0
+        start = beginnings(experiment, model, seed, robust)
+    near, *promising = start.promising
+    others, places, spent = start.others, start.places + starts, 0
     for number in range(MOST_PREPARED):
         folder = checkpoint and Path(checkpoint) / f"prepared-{number}"
         problem = Problem.prepare(experiment, model, seed, near, folder)
@@ -133,9 +133,9 @@ def _fitted(
         nonlocal near, places
         folder = checkpoint and Path(checkpoint) / f"scatter-{number}"
         errors = with_errors.errors  # as data: one compiled program for all rounds
-        found = fit(residuals, near, data=errors, checkpoint=folder, **places, **common)
-        near, places = found.theta, {}
-        return found
+        result = fit(residuals, near, data=errors, checkpoint=folder, **places, **common)
+        near, places = result.theta, {}
+        return result
 
     return fit_with_scatter(problem, fit_errors, with_scatter, with_freedom)
 

@@ -44,9 +44,11 @@ def markdown(name: str, model: str, result: dict[str, Any], figures: dict[str, F
     beyond = "".join(f"\n**Warning:** {in_markdown(warning)}.\n" for warning in result["warnings"])
     notes = "".join(f"\nNote: {in_markdown(note)}.\n" for note in result["notes"])
     first = misfit_in_words(result, MARKDOWN)
-    said = in_words(result, MARKDOWN)[len(first) :]
-    words = "\n".join(line if line.startswith("-") else f"\n{line}" for line in said)
-    bold = "".join(f"**{one}**\n\n" if one is first[0] else f"{one}\n\n" for one in first)
+    sentences = in_words(result, MARKDOWN)[len(first) :]
+    words = "\n".join(line if line.startswith("-") else f"\n{line}" for line in sentences)
+    bold = "".join(
+        f"**{sentence}**\n\n" if sentence is first[0] else f"{sentence}\n\n" for sentence in first
+    )
     return f"""# {in_markdown(name)}, fitted with the {model} model
 
 {bold}{verdict}
@@ -104,8 +106,8 @@ def _verdict(result: dict[str, Any]) -> str:
 def _understood(result: dict[str, Any]) -> str:
     """Records of how files were read."""
     lines = [
-        f"Sample {in_markdown(name)}: {in_markdown(one['line'])}.\n\n"
-        for name, one in result["data_as_understood"].items()
+        f"Sample {in_markdown(name)}: {in_markdown(file['line'])}.\n\n"
+        for name, file in result["data_as_understood"].items()
     ]
     return "".join(lines)
 
@@ -116,14 +118,14 @@ def _predictions(result: dict[str, Any]) -> str:
         ["sample", "observable", "measured", "predicted", "unit", "difference / sigma"],
         (
             [
-                one["sample"],
-                spelled(one["observable"]) + when(one),
-                f"{one['measured']:g} ± {one['sigma']:.3g}",
-                with_error(one["predicted"], one["predicted_error"]),
-                one["unit"],
-                f"{(one['predicted'] - one['measured']) / one['sigma']:+.2f}",
+                row["sample"],
+                spelled(row["observable"]) + when(row),
+                f"{row['measured']:g} ± {row['sigma']:.3g}",
+                with_error(row["predicted"], row["predicted_error"]),
+                row["unit"],
+                f"{(row['predicted'] - row['measured']) / row['sigma']:+.2f}",
             ]
-            for one in result["predictions"]
+            for row in result["predictions"]
         ),
     )
 
@@ -144,30 +146,36 @@ def _parameters(result: dict[str, Any]) -> str:
         (
             [
                 in_code(label),
-                one["samples"]
-                and f"sample{'s' if len(one['samples']) > 1 else ''} {', '.join(one['samples'])}",
-                fitted_value(one),
-                scaled_error(one) if result["misfit"] else "",
-                *(interval(one, coverage) for coverage in LEVELS),
-                prior(one),
-                sampled_value(one["posterior"]),
-                determination(one, result["misfit"]),
+                _sample_names(parameter["samples"]),
+                fitted_value(parameter),
+                scaled_error(parameter) if result["misfit"] else "",
+                *(interval(parameter, coverage) for coverage in LEVELS),
+                prior(parameter),
+                sampled_value(parameter["posterior"]),
+                determination(parameter, result["misfit"]),
             ]
-            for label, one in result["parameters"].items()
+            for label, parameter in result["parameters"].items()
         ),
     )
 
 
+def _sample_names(names: list[str]) -> str:
+    """The samples that share a value, in words; empty without samples."""
+    plural = "s" if len(names) > 1 else ""
+    return f"sample{plural} {', '.join(names)}" if names else ""
+
+
 def _without_samples(header: list[str], rows: Iterable[list[Any]]) -> str:
     """A table, without columns of samples and of scaled errors where there are none."""
-    listed = list(rows)
-    kept = [
+    all_rows = list(rows)
+    columns = [
         place
         for place, name in enumerate(header)
-        if name not in ("sample", "one value for", SCALED) or any(row[place] for row in listed)
+        if name not in ("sample", "one value for", SCALED) or any(row[place] for row in all_rows)
     ]
     return files.markdown_table(
-        [header[place] for place in kept], ([row[place] for place in kept] for row in listed)
+        [header[place] for place in columns],
+        ([row[place] for place in columns] for row in all_rows),
     )
 
 
@@ -180,12 +188,12 @@ def _optima(result: dict[str, Any]) -> str:
         ["chi-squared", "with priors", *map(in_code, labels), "by"],
         (
             [
-                f"{one['chi_squared']:.4g}",
-                f"{2.0 * one['half_sum_of_squares']:.4g}",
-                *(f"{one['values'][label]:.4g}" for label in labels),
-                "the model" if one["finished"] else "the cheap model of the search",
+                f"{optimum['chi_squared']:.4g}",
+                f"{2.0 * optimum['half_sum_of_squares']:.4g}",
+                *(f"{optimum['values'][label]:.4g}" for label in labels),
+                "the model" if optimum["finished"] else "the cheap model of the search",
             ]
-            for one in result["optima"]
+            for optimum in result["optima"]
         ),
     )
     return f"\n{table}"
@@ -219,15 +227,15 @@ def _left_out(rows: list[dict[str, Any]]) -> str:
         ["sample", "observable", "measured", "predicted", "unit", "error", "difference / errors"],
         (
             [
-                one["sample"],
-                spelled(one["observable"]) + when(one),
-                f"{one['measured']:g} ± {one['sigma']:.3g}",
-                with_error(one["predicted"], one["predicted_error"]),
-                one["unit"],
-                off(one),
-                f"{one['difference_over_both_errors']:+.2f}",
+                row["sample"],
+                spelled(row["observable"]) + when(row),
+                f"{row['measured']:g} ± {row['sigma']:.3g}",
+                with_error(row["predicted"], row["predicted_error"]),
+                row["unit"],
+                off(row),
+                f"{row['difference_over_both_errors']:+.2f}",
             ]
-            for one in rows
+            for row in rows
         ),
     )
     return f"""
@@ -245,12 +253,12 @@ def _new_recipe(rows: list[dict[str, Any]] | None) -> str:
         ["recipe", "observable", "predicted", "unit"],
         (
             [
-                one["sample"],
-                spelled(one["observable"]) + when(one),
-                with_error(one["predicted"], one["predicted_error"]),
-                one["unit"],
+                row["sample"],
+                spelled(row["observable"]) + when(row),
+                with_error(row["predicted"], row["predicted_error"]),
+                row["unit"],
             ]
-            for one in rows
+            for row in rows
         ),
     )
     return f"\n## A new recipe\n\n{table}"

@@ -31,47 +31,47 @@ def figures(
     samples: Posterior | None,
 ) -> dict[str, Figure]:
     """The figures of a fit, by the name of their file."""
-    drawn = {}
-    if any(_is_alone(one) for one in result["predictions"]):
-        drawn["predictions"] = predictions_figure(result)
-    if any("concentration" in one for one in result["predictions"]):
-        drawn["velocities"] = velocities_figure(result)
+    all_figures = {}
+    if any(_is_alone(row) for row in result["predictions"]):
+        all_figures["predictions"] = predictions_figure(result)
+    if any("concentration" in row for row in result["predictions"]):
+        all_figures["velocities"] = velocities_figure(result)
     if any(map(_is_of_curve, result["predictions"])):
-        drawn["curves"] = curves_figure(result)
-    if any("height_m" in one for one in result["predictions"]):
-        drawn["concentrations"] = concentrations_figure(result)
-    if any("at" in one for one in result["predictions"]):
-        drawn["readings"] = readings_figure(result)
-    drawn["residuals"] = residuals_figure(result)
+        all_figures["curves"] = curves_figure(result)
+    if any("height_m" in row for row in result["predictions"]):
+        all_figures["concentrations"] = concentrations_figure(result)
+    if any("at" in row for row in result["predictions"]):
+        all_figures["readings"] = readings_figure(result)
+    all_figures["residuals"] = residuals_figure(result)
     if profiles:
-        drawn["profiles"] = profiles_figure(problem, profiles)
+        all_figures["profiles"] = profiles_figure(problem, profiles)
     if samples is not None:
-        drawn["posterior"] = corner_figure(samples)
-    drawn["loss"] = loss_figure(fit)
-    return drawn
+        all_figures["posterior"] = corner_figure(samples)
+    all_figures["loss"] = loss_figure(fit)
+    return all_figures
 
 
-def _is_of_curve(one: dict[str, Any]) -> bool:
+def _is_of_curve(row: dict[str, Any]) -> bool:
     """True of a reading of a curve."""
-    return "time_s" in one and "height_m" not in one
+    return "time_s" in row and "height_m" not in row
 
 
-def _is_alone(one: dict[str, Any]) -> bool:
+def _is_alone(row: dict[str, Any]) -> bool:
     """True of a measurement that is neither of a curve nor of a table."""
-    return not {"time_s", "concentration", "at"} & one.keys()
+    return not {"time_s", "concentration", "at"} & row.keys()
 
 
 @STYLE
 def readings_figure(result: dict[str, Any]) -> Figure:
     """Readings of a simulator along their axis, and predictions with a band of two errors."""
-    rows = sorted(result["predictions"], key=lambda one: one["at"])
+    rows = sorted(result["predictions"], key=lambda row: row["at"])
     figure = Figure(figsize=(COLUMN, 2.4), layout="constrained")
     axes = figure.subplots()
-    _draw(axes, [one["at"] for one in rows], rows)
+    _draw(axes, [row["at"] for row in rows], rows)
     axes.set_xlabel(in_figure(rows[0]["axis"]))
     unit = rows[0]["unit"]
-    what = rows[0]["observable"]
-    axes.set_ylabel(in_figure(what if unit == "1" else f"{what}, {unit}"))
+    quantity = rows[0]["observable"]
+    axes.set_ylabel(in_figure(quantity if unit == "1" else f"{quantity}, {unit}"))
     axes.legend()
     return figure
 
@@ -79,11 +79,11 @@ def readings_figure(result: dict[str, Any]) -> Figure:
 @STYLE
 def velocities_figure(result: dict[str, Any]) -> Figure:
     """Measured and predicted velocities against volume fraction, with two standard errors."""
-    rows = [one for one in result["predictions"] if "concentration" in one]
+    rows = [row for row in result["predictions"] if "concentration" in row]
     figure, panels = _panels(rows)
     for axes, of_sample in panels:
-        of_sample.sort(key=lambda one: one["volume_fraction"])
-        fractions = [one["volume_fraction"] for one in of_sample]
+        of_sample.sort(key=lambda row: row["volume_fraction"])
+        fractions = [row["volume_fraction"] for row in of_sample]
         axes.set_yscale("log")
         _draw(axes, fractions, of_sample, least=0.5)
         axes.set_xlabel("volume fraction")
@@ -95,16 +95,16 @@ def velocities_figure(result: dict[str, Any]) -> Figure:
 @STYLE
 def concentrations_figure(result: dict[str, Any]) -> Figure:
     """Measured and predicted volume fractions of each table, against time or height."""
-    rows = [one for one in result["predictions"] if "height_m" in one]
-    figure, panels = _panels(rows, lambda one: (one["sample"], one["table"]))
+    rows = [row for row in result["predictions"] if "height_m" in row]
+    figure, panels = _panels(rows, lambda row: (row["sample"], row["table"]))
     for axes, of_table in panels:
         first = of_table[0]
         axes.set_title(f"sample {in_figure(first['sample'])}\n{in_figure(first['table'])}")
-        if any(one["time_s"] != first["time_s"] for one in of_table):
-            at = [one["time_s"] / TIME_UNITS[first["time_unit"]] for one in of_table]
+        if any(row["time_s"] != first["time_s"] for row in of_table):
+            at = [row["time_s"] / TIME_UNITS[first["time_unit"]] for row in of_table]
             axes.set_xlabel(f"time, {in_unit(2.0, first['time_unit'])[1]}")
         else:
-            at = [one["height_m"] / HEIGHT_UNITS[first["height_unit"]] for one in of_table]
+            at = [row["height_m"] / HEIGHT_UNITS[first["height_unit"]] for row in of_table]
             axes.set_xlabel(f"height, {first['height_unit']}")
         _draw(axes, at, of_table)
         axes.set_ylabel("volume fraction" + ("" if first["unit"] == "1" else ", %"))
@@ -116,41 +116,41 @@ def concentrations_figure(result: dict[str, Any]) -> Figure:
 @STYLE
 def curves_figure(result: dict[str, Any]) -> Figure:
     """Measured curves with their errors, and predicted ones with a band of two standard errors."""
-    rows = [one for one in result["predictions"] if _is_of_curve(one)]
+    rows = [row for row in result["predictions"] if _is_of_curve(row)]
     figure, panels = _panels(rows)
     for axes, of_sample in panels:
         unit = of_sample[0]["time_unit"]
-        times = [one["time_s"] / TIME_UNITS[unit] for one in of_sample]
+        times = [row["time_s"] / TIME_UNITS[unit] for row in of_sample]
         if curve := result["curves"].get(of_sample[0]["sample"]):
-            along = np.array(curve["time_s"]) / TIME_UNITS[unit]
+            times_of_curve = np.array(curve["time_s"]) / TIME_UNITS[unit]
             _draw_measured(axes, times, of_sample)
-            _draw_predicted(axes, along, curve["predicted"], curve["standard_error"])
+            _draw_predicted(axes, times_of_curve, curve["predicted"], curve["standard_error"])
         else:
             _draw(axes, times, of_sample)
         axes.set_xlabel(f"time, {in_unit(2.0, unit)[1]}")
         unit = of_sample[0]["unit"]
-        what = spelled(of_sample[0]["observable"])
-        axes.set_ylabel(what if unit == "1" else f"{what}, {unit}")
+        quantity = spelled(of_sample[0]["observable"])
+        axes.set_ylabel(quantity if unit == "1" else f"{quantity}, {unit}")
         axes.set_ylim(0.0, 1.1 * axes.dataLim.y1)  # a level curve, too, with its errors
     axes.legend()
     return figure
 
 
 def _panels(
-    rows: list[dict[str, Any]], key: Callable[[dict[str, Any]], Any] = lambda one: one["sample"]
+    rows: list[dict[str, Any]], key: Callable[[dict[str, Any]], Any] = lambda row: row["sample"]
 ) -> tuple[Figure, list[tuple[Axes, list[dict[str, Any]]]]]:
     """A figure with axes for each sample, or another key, and the predictions that belong there."""
     keys = list(dict.fromkeys(map(key, rows)))
     across = min(len(keys), MOST_ACROSS)
     down = -(-len(keys) // across)
     figure = Figure(figsize=(COLUMN * across, 2.4 * down), layout="constrained")
-    every = figure.subplots(down, across, squeeze=False).ravel()
-    for axes in every[len(keys) :]:
+    all_axes = figure.subplots(down, across, squeeze=False).ravel()
+    for axes in all_axes[len(keys) :]:
         axes.set_axis_off()
-    of_each = [[one for one in rows if key(one) == own] for own in keys]
-    for axes, own in zip(every, of_each, strict=False):
-        axes.set_title(f"sample {in_figure(own[0]['sample'])}")
-    return figure, list(zip(every, of_each, strict=False))
+    of_each = [[row for row in rows if key(row) == key_of_panel] for key_of_panel in keys]
+    for axes, rows_of_panel in zip(all_axes, of_each, strict=False):
+        axes.set_title(f"sample {in_figure(rows_of_panel[0]['sample'])}")
+    return figure, list(zip(all_axes, of_each, strict=False))
 
 
 def _draw(
@@ -158,7 +158,7 @@ def _draw(
 ) -> None:
     """Measured values, and predicted ones at the same places: see below."""
     _draw_measured(axes, at, rows)
-    predicted, errors = ([one[key] for one in rows] for key in ("predicted", "predicted_error"))
+    predicted, errors = ([row[key] for row in rows] for key in ("predicted", "predicted_error"))
     _draw_predicted(axes, at, predicted, errors, least)
 
 
@@ -172,8 +172,8 @@ def _draw_measured(axes: Axes, at: list[float], rows: list[dict[str, Any]]) -> N
     """
     axes.errorbar(
         at,
-        [one["measured"] for one in rows],
-        [one["sigma"] for one in rows],
+        [row["measured"] for row in rows],
+        [row["sigma"] for row in rows],
         fmt="o",
         ms=3,
         color="black",
@@ -206,17 +206,17 @@ def _draw_predicted(
 def residuals_figure(result: dict[str, Any]) -> Figure:
     """Predicted minus measured, in standard deviations of the measurement."""
     rows = result["predictions"]
-    off = [(one["predicted"] - one["measured"]) / one["sigma"] for one in rows]
-    names = list(dict.fromkeys(one["sample"] for one in rows))
+    residuals = [(row["predicted"] - row["measured"]) / row["sigma"] for row in rows]
+    names = list(dict.fromkeys(row["sample"] for row in rows))
     figure = Figure(figsize=(COLUMN, 2.4), layout="constrained")
     axes = figure.subplots()
     axes.axhspan(-2, 2, color="0.92")
     axes.axhline(0, color="0.5", lw=0.8)
     for number, name in enumerate(names):
-        of_sample = [place for place, one in enumerate(rows) if one["sample"] == name]
+        of_sample = [place for place, row in enumerate(rows) if row["sample"] == name]
         axes.plot(
             of_sample,
-            [off[place] for place in of_sample],
+            [residuals[place] for place in of_sample],
             MARKERS[number % len(MARKERS)],
             color="k",
             markerfacecolor=("0.75", "k", "w")[number % 3],
@@ -226,7 +226,7 @@ def residuals_figure(result: dict[str, Any]) -> Figure:
     axes.set_xticks([])
     axes.set_xlabel("measurements, in their order")
     axes.set_ylabel("(predicted - measured) / sigma")
-    axes.set_ylim(-1.1 * max(3.0, *map(abs, off)), 1.1 * max(3.0, *map(abs, off)))
+    axes.set_ylim(-1.1 * max(3.0, *map(abs, residuals)), 1.1 * max(3.0, *map(abs, residuals)))
     if any(names):
         axes.legend()
     return figure
@@ -277,16 +277,16 @@ def corner_figure(samples: Posterior) -> Figure:
 @STYLE
 def predictions_figure(result: dict[str, Any]) -> Figure:
     """Measured values with their uncertainty, predicted ones beside them."""
-    rows = [one for one in result["predictions"] if _is_alone(one)]
-    units = list(dict.fromkeys(one["unit"] for one in rows))
+    rows = [row for row in result["predictions"] if _is_alone(row)]
+    units = list(dict.fromkeys(row["unit"] for row in rows))
     figure = Figure(figsize=(0.6 + 2.2 * len(units), 2.4), layout="constrained")
     for axes, unit in zip(figure.subplots(1, len(units), squeeze=False)[0], units, strict=True):
-        of_unit = [one for one in rows if one["unit"] == unit]
+        of_unit = [row for row in rows if row["unit"] == unit]
         places = np.arange(len(of_unit))
         axes.errorbar(
             places - 0.08,
-            [one["measured"] for one in of_unit],
-            [one["sigma"] for one in of_unit],
+            [row["measured"] for row in of_unit],
+            [row["sigma"] for row in of_unit],
             fmt="o",
             color="black",
             capsize=4,
@@ -294,7 +294,7 @@ def predictions_figure(result: dict[str, Any]) -> Figure:
         )
         axes.plot(
             places + 0.08,
-            [one["predicted"] for one in of_unit],
+            [row["predicted"] for row in of_unit],
             "D",
             color="0.55",
             markeredgecolor="black",
@@ -302,24 +302,24 @@ def predictions_figure(result: dict[str, Any]) -> Figure:
         )
         axes.set_xticks(
             places,
-            [_tick(one) for one in of_unit],
+            [_tick(row) for row in of_unit],
         )
         axes.set_xlim(-0.6, len(of_unit) - 0.4)
-        highest = max(max(one["measured"] + one["sigma"], one["predicted"]) for one in of_unit)
-        lowest = min(min(one["measured"] - one["sigma"], one["predicted"]) for one in of_unit)
+        highest = max(max(row["measured"] + row["sigma"], row["predicted"]) for row in of_unit)
+        lowest = min(min(row["measured"] - row["sigma"], row["predicted"]) for row in of_unit)
         # Room beyond the error bars of a simulator's readings, which may be negative.
-        negative = min(one["measured"] for one in of_unit) < 0.0
+        negative = min(row["measured"] for row in of_unit) < 0.0
         axes.set_ylim(1.15 * lowest if negative else 0.0, max(1.15 * highest, 0.0))
         axes.set_ylabel("ratio" if unit == "1" else unit)
     axes.legend()
     return figure
 
 
-def _tick(one: dict[str, Any]) -> str:
+def _tick(row: dict[str, Any]) -> str:
     """The name of a measurement beneath its place."""
-    if one["sample"] is None:
-        return in_figure(one["observable"])
-    return f"{in_figure(one['sample'])}\n{spelled(one['observable'])}"
+    if row["sample"] is None:
+        return in_figure(row["observable"])
+    return f"{in_figure(row['sample'])}\n{spelled(row['observable'])}"
 
 
 @STYLE

@@ -33,28 +33,28 @@ def with_error(value: float, error: float) -> str:
     return f"{value:.{digits}f} ± {error:.{digits}f}"
 
 
-def off(one: dict[str, Any], form: str = "{}") -> str:
+def off(row: dict[str, Any], form: str = "{}") -> str:
     """The relative difference of a prediction; nothing where zero was measured."""
-    if not one["measured"]:
+    if not row["measured"]:
         return ""
-    return form.format(f"{one['predicted'] / one['measured'] - 1:+.0%}")
+    return form.format(f"{row['predicted'] / row['measured'] - 1:+.0%}")
 
 
-def when(one: dict[str, Any]) -> str:
+def when(row: dict[str, Any]) -> str:
     """The time of a reading of a curve, the concentration, height or place of a table's."""
-    if "at" in one:
-        what, _, unit = one["axis"].partition(",")
-        return " " + " ".join(f"at {what} {one['at']:.6g} {unit}".split())
-    if one["observable"] in CURVES and "time_s" in one:
-        value, unit = in_unit(one["time_s"], one["time_unit"])
+    if "at" in row:
+        quantity, _, unit = row["axis"].partition(",")
+        return " " + " ".join(f"at {quantity} {row['at']:.6g} {unit}".split())
+    if row["observable"] in CURVES and "time_s" in row:
+        value, unit = in_unit(row["time_s"], row["time_unit"])
         return f" at {value:.4g} {unit}"
-    if "height_m" in one:
-        height = one["height_m"] / HEIGHT_UNITS[one["height_unit"]]
-        value, unit = in_unit(one["time_s"], one["time_unit"])
-        return f" at {height:.4g} {one['height_unit']} and {value:.4g} {unit}"
-    if "concentration" not in one:
+    if "height_m" in row:
+        height = row["height_m"] / HEIGHT_UNITS[row["height_unit"]]
+        value, unit = in_unit(row["time_s"], row["time_unit"])
+        return f" at {height:.4g} {row['height_unit']} and {value:.4g} {unit}"
+    if "concentration" not in row:
         return ""
-    return f" at {concentrations.said(one['concentration_kind'], one['concentration'])}"
+    return f" at {concentrations.said(row['concentration_kind'], row['concentration'])}"
 
 
 def place_of_point(point: Point) -> dict[str, Any]:
@@ -75,12 +75,12 @@ def in_unit(seconds: float, unit: str) -> tuple[float, str]:
     return value, f"{unit}s" if plural else unit
 
 
-def interval(one: dict[str, Any], coverage: str) -> str:
+def interval(parameter: dict[str, Any], coverage: str) -> str:
     """The interval of a value's profile at a coverage; how far an end was looked for in vain."""
-    if one["profile"] is None:
+    if parameter["profile"] is None:
         return "unbounded"
-    low, high = one["profile"][coverage]
-    first, last = one["profile_within"]
+    low, high = parameter["profile"][coverage]
+    first, last = parameter["profile_within"]
     if not (first <= low or high <= last):
         return f"not bounded within {first:.4g} to {last:.4g}"
     lower = f"{low:.4g}" if first <= low else f"beyond {first:.4g}"
@@ -88,37 +88,43 @@ def interval(one: dict[str, Any], coverage: str) -> str:
     return f"{lower} to {upper}"
 
 
-def prior(one: dict[str, Any]) -> str:
+def prior(parameter: dict[str, Any]) -> str:
     """A prior: median, factor of one standard deviation, bounds."""
-    spread = one["prior_log_standard_deviation"]
-    within = f", {one['bounds'][0]:g} to {one['bounds'][1]:g}" if one["bounds"] else ""
+    spread = parameter["prior_log_standard_deviation"]
+    within = (
+        f", {parameter['bounds'][0]:g} to {parameter['bounds'][1]:g}" if parameter["bounds"] else ""
+    )
     if spread is None:
         return f"none{within}"
-    return f"{one['prior_median']:g}, {np.exp(spread):.3g}{within}"
+    return f"{parameter['prior_median']:g}, {np.exp(spread):.3g}{within}"
 
 
-def determination(one: dict[str, Any], misfit: bool = False) -> str:
+def determination(parameter: dict[str, Any], misfit: bool = False) -> str:
     """The column `determined` of a value."""
-    if one["determined"]:
+    if parameter["determined"]:
         return "if the model is right" if misfit else "yes"
-    if one["status"] == "free":
-        by_prior = np.isinf(one["data_standard_error"]) and np.isfinite(one["standard_error"])
+    if parameter["status"] == "free":
+        by_prior = np.isinf(parameter["data_standard_error"]) and np.isfinite(
+            parameter["standard_error"]
+        )
         return "no, prior only" if by_prior else "no, free"
-    return f"no, {one['status']}"
+    return f"no, {parameter['status']}"
 
 
-def fitted_value(one: dict[str, Any]) -> str:
+def fitted_value(parameter: dict[str, Any]) -> str:
     """A value with its error: as a factor, where that is as large as the value."""
-    error = one["data_standard_error"]
-    loose = one["status"] == "free" and WITHOUT_PRIOR < error < np.inf and not one["bounds"]
-    if loose and np.isfinite(one["standard_error"]):
-        return f"{one['value']:.3g}, within a factor of {np.exp(error):.3g}"
-    return with_error(one["value"], one["standard_error"])
+    error = parameter["data_standard_error"]
+    loose = (
+        parameter["status"] == "free" and WITHOUT_PRIOR < error < np.inf and not parameter["bounds"]
+    )
+    if loose and np.isfinite(parameter["standard_error"]):
+        return f"{parameter['value']:.3g}, within a factor of {np.exp(error):.3g}"
+    return with_error(parameter["value"], parameter["standard_error"])
 
 
-def scaled_error(one: dict[str, Any]) -> str:
+def scaled_error(parameter: dict[str, Any]) -> str:
     """The error of a value where those of the readings cover the residuals."""
-    error = one["scaled_standard_error"]
+    error = parameter["scaled_standard_error"]
     return f"± {error:.2g}" if np.isfinite(error) else "unbounded"
 
 

@@ -22,14 +22,18 @@ def unresolved_fronts(sample: Sample, predicted: Sequence[float]) -> Iterator[st
       predicted: each in its unit, (M,).
     """
     size = SHARP * sample.recipe.volume_fraction
-    every = zip(sample.measurements, predicted, strict=True)
-    readings = [(one, one.point, value * one.si) for one, value in every if one.point]
-    told: set[str] = set()
+    pairs = zip(sample.measurements, predicted, strict=True)
+    readings = [
+        (measurement, measurement.point, value * measurement.si)
+        for measurement, value in pairs
+        if measurement.point
+    ]
+    tables: set[str] = set()
     for (_, before, low), (_, after, high) in pairwise(readings):
-        if before.table != after.table or before.table in told or abs(high - low) < size:
+        if before.table != after.table or before.table in tables or abs(high - low) < size:
             continue
         if _distance(sample, before, after) > max(before.thickness, after.thickness):
-            told.add(before.table)
+            tables.add(before.table)
             yield (
                 f"sample {sample.name}, {before.table}: a sharp front passes between the readings"
                 f"{_when(before)} and{_when(after)}, and wherever it is between them "
@@ -41,11 +45,11 @@ def unresolved_fronts(sample: Sample, predicted: Sequence[float]) -> Iterator[st
 
 def _distance(sample: Sample, before: Point, after: Point) -> float:
     """How far a front goes between two readings, m: of a mudline or a bed, the farther."""
-    moved = abs(after.height - before.height)
+    distance = abs(after.height - before.height)
     if after.time > before.time:
         farthest = max(sample.height - after.height, after.height)
-        moved = max(moved, farthest * (1.0 - before.time / after.time))
-    return moved
+        distance = max(distance, farthest * (1.0 - before.time / after.time))
+    return distance
 
 
 def _when(point: Point) -> str:

@@ -73,14 +73,16 @@ def summary(
         **_what_is_determined(problem, fit, identification),
         "unchanged_at_a_distance": list(unchanged),
         "data_as_understood": {
-            name: one.table() for name, one in problem.experiment.data_as_understood.items()
+            name: file.table() for name, file in problem.experiment.data_as_understood.items()
         },
         "scatter": _scatter(problem),
-        "runs": [one._asdict() for one in runs_tests(problem, fit)],
+        "runs": [test._asdict() for test in runs_tests(problem, fit)],
         "predictions": _predictions(problem, fit, predicted),
-        "curves": {one.sample: _curve(one) for one in curves},
+        "curves": {curve.sample: _curve(curve) for curve in curves},
         "validity": {
-            name: {one.name: {"value": one.value, "holds": one.holds} for one in numbers}
+            name: {
+                number.name: {"value": number.value, "holds": number.holds} for number in numbers
+            }
             for name, numbers in validity_of.items()
         },
         "warnings": _warnings(problem, fit, validity_of) + _fronts(problem, predicted),
@@ -108,13 +110,13 @@ def _optima(problem: Problem, fit: Fit) -> list[dict[str, Any]]:
         {
             "values": {
                 parameter.label: parameter.value(x)
-                for parameter, x in zip(parameters, one.values, strict=True)
+                for parameter, x in zip(parameters, optimum.values, strict=True)
             },
-            "chi_squared": one.chi_squared,
-            "half_sum_of_squares": one.loss,
-            "finished": one.finished,
+            "chi_squared": optimum.chi_squared,
+            "half_sum_of_squares": optimum.loss,
+            "finished": optimum.finished,
         }
-        for one in fit.optima
+        for optimum in fit.optima
     ]
 
 
@@ -122,7 +124,7 @@ def _what_is_determined(
     problem: Problem, fit: Fit, identification: Identification
 ) -> dict[str, Any]:
     """Combinations that the data determine, and values that they leave open."""
-    labels = {one.variable: one.label for one in problem.experiment.parameters}
+    labels = {parameter.variable: parameter.label for parameter in problem.experiment.parameters}
     open_values: dict[str, list[str]] = {key: [] for key in SAID}
     for place, name in enumerate(fit.names):
         if not identification.determined[name]:
@@ -139,12 +141,12 @@ def _what_is_determined(
 def _combinations(combinations: tuple[Combination, ...]) -> list[dict[str, Any]]:
     return [
         {
-            "expression": one.expression,
-            "value": one.value,
-            "standard_error": one.standard_error,
-            "exponents": one.exponents,
+            "expression": combination.expression,
+            "value": combination.value,
+            "standard_error": combination.standard_error,
+            "exponents": combination.exponents,
         }
-        for one in combinations
+        for combination in combinations
     ]
 
 
@@ -157,8 +159,8 @@ def _why_open(identification: Identification, name: str, place: int) -> str:
     bounded_by_data = np.isfinite(identification.data_standard_errors[name])
     if identification.status[name] == "free" and bounded_by_data:
         return "loosely_bounded"
-    near = (one.exponents for one in identification.near_combinations)
-    if any(name in one and len(one) > 1 for one in near):
+    near = (combination.exponents for combination in identification.near_combinations)
+    if any(name in exponents and len(exponents) > 1 for exponents in near):
         return "told_together"
     if not bounded_by_data and not identification.null_exponents[:, place].any():
         return "bounded_on_one_side"
@@ -183,15 +185,17 @@ def _warnings(
 
 def _against_priors(problem: Problem, fit: Fit) -> Iterator[str]:
     """Warnings about values far from what was believed of them."""
-    for place, one in enumerate(problem.experiment.parameters):
-        prior = problem.priors.get(one.variable)
+    for place, parameter in enumerate(problem.experiment.parameters):
+        prior = problem.priors.get(parameter.variable)
         if prior is None:
             continue
-        off = np.log(fit.values[place] / prior.median) / prior.log_standard_deviation
-        if abs(off) > SURPRISING:
+        deviations = np.log(fit.values[place] / prior.median) / prior.log_standard_deviation
+        if abs(deviations) > SURPRISING:
             yield (
-                f"{one.label} = {one.value(fit.values[place]):.4g} is {abs(off):.2g} standard "
-                f"deviations of its prior from its median, {one.value(prior.median):.4g}: data and "
+                f"{parameter.label} = {parameter.value(fit.values[place]):.4g} is "
+                f"{abs(deviations):.2g} standard "
+                f"deviations of its prior from its median, {parameter.value(prior.median):.4g}: "
+                "data and "
                 "prior contradict each other; check units, the model and the prior"
             )
 
@@ -224,8 +228,8 @@ def _notes(problem: Problem, fit: Fit) -> list[str]:
         for sample in problem.experiment.samples
         for note in sample.recipe.notes
     ]
-    told = [KINK] * fit.on_a_kink + [ONE_PLACE] * (fit.places == 1)
-    return notes + told + _differences(fit) + _at_bounds(problem, fit)
+    notes_of_fit = [KINK] * fit.on_a_kink + [ONE_PLACE] * (fit.places == 1)
+    return notes + notes_of_fit + _differences(fit) + _at_bounds(problem, fit)
 
 
 def _differences(fit: Fit) -> list[str]:
@@ -246,12 +250,13 @@ def _unreliable(problem: Problem, fit: Fit) -> Iterator[str]:
     if fit.slopes is None:
         return
     shares = fit.slopes.uncertainty / np.where(fit.slopes.size, fit.slopes.size, 1.0)
-    for one, share, unreliable in zip(
+    for parameter, share, unreliable in zip(
         problem.experiment.parameters, shares, fit.slopes.unreliable, strict=True
     ):
         if unreliable:
             yield (
-                f"slopes with respect to {one.label} change by {share:.0%} with the step of their "
+                f"slopes with respect to {parameter.label} change by {share:.0%} with the step of "
+                "their "
                 "differences, and so may its error: state another step, or let the simulator "
                 "print more digits"
             )
@@ -339,13 +344,13 @@ def _parameters(
                 for coverage, ends in profile_of[parameter.variable].intervals.items()
             }
             searched = profile_of[parameter.variable].values[[0, -1]]
-            row["profile_within"] = [float(parameter.value(one)) for one in searched]
+            row["profile_within"] = [float(parameter.value(end)) for end in searched]
         if samples is not None:
-            drawn = parameter.value(samples.samples[:, place])
+            sampled = parameter.value(samples.samples[:, place])
             row["posterior"] = {
-                "median": np.median(drawn),
-                "standard_deviation": drawn.std(),
-                **{f"{q:g} %": np.percentile(drawn, q) for q in (2.5, 16, 84, 97.5)},
+                "median": np.median(sampled),
+                "standard_deviation": sampled.std(),
+                **{f"{q:g} %": np.percentile(sampled, q) for q in (2.5, 16, 84, 97.5)},
             }
         table[parameter.label] = row
     return table
@@ -359,71 +364,71 @@ def _end_of_interval(parameter: FreeParameter, x: float) -> float:
 
 def _predictions(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[dict[str, Any]]:
     """A line for each measurement, both in its unit."""
-    spreads = np.array([one.standard_deviation for _, one in problem.measurements])
+    spreads = np.array([measurement.standard_deviation for _, measurement in problem.measurements])
     with np.errstate(divide="ignore", invalid="ignore"):
         exponents = fit.jacobian * (spreads / predicted)[:, None]
-    known, _ = covariance(information(fit))
+    spread, _ = covariance(information(fit))
     slopes = fit.jacobian
     if (longest := fit.robust) is not None:  # back from how residuals count to what they are
         scaled = jnp.asarray((predicted - problem.measured) / spreads)
-        counts = jax.vmap(jax.grad(lambda one: pseudo_huber(one, longest)))(scaled)
+        counts = jax.vmap(jax.grad(lambda residual: pseudo_huber(residual, longest)))(scaled)
         slopes = slopes / np.asarray(counts)[:, None]
-    errors = spreads * np.sqrt(np.einsum("mp,pq,mq->m", slopes, known, slopes))
+    errors = spreads * np.sqrt(np.einsum("mp,pq,mq->m", slopes, spread, slopes))
     return [
         {
             "sample": None if sample is None else sample.name,
-            "observable": one.observable,
-            "measured": one.value,
-            "sigma": one.standard_deviation,
+            "observable": measurement.observable,
+            "measured": measurement.value,
+            "sigma": measurement.standard_deviation,
             "predicted": value,
             "predicted_error": error,
-            "unit": one.unit,
-            "row": None if sample is None else one.row,
-            **(where := _place(problem, sample, one)),
+            "unit": measurement.unit,
+            "row": None if sample is None else measurement.row,
+            **(where := _place(problem, sample, measurement)),
             **(
                 {"varies_as": expression(fit.names, np.round(row, 6))}
                 if not where and fit.robust is None and np.isfinite(row).all()
                 else {}
             ),
         }
-        for (sample, one), value, error, row in zip(
+        for (sample, measurement), value, error, row in zip(
             problem.measurements, predicted, errors, exponents, strict=True
         )
     ]
 
 
-def _curve(one: PredictedCurve) -> dict[str, Any]:
+def _curve(curve: PredictedCurve) -> dict[str, Any]:
     """A predicted curve, between the readings too."""
     return {
-        "observable": one.observable,
-        "unit": one.unit,
-        "time_s": list(one.times),
-        "predicted": list(one.predicted),
-        "standard_error": list(one.standard_error),
+        "observable": curve.observable,
+        "unit": curve.unit,
+        "time_s": list(curve.times),
+        "predicted": list(curve.predicted),
+        "standard_error": list(curve.standard_error),
     }
 
 
-def _place(problem: Problem, sample: Sample | None, one: Measurement) -> dict[str, Any]:
+def _place(problem: Problem, sample: Sample | None, measurement: Measurement) -> dict[str, Any]:
     """Where a measurement was made, if not on the sample as it is."""
     if isinstance(problem.experiment, SimulatedExperiment):
-        return problem.experiment.simulator.place(one.row or 0)
-    if sample is None or one.place is None:
-        return _where(one, None)
-    return _where(one, sample.times[one.place], sample.time_unit)
+        return problem.experiment.simulator.place(measurement.row or 0)
+    if sample is None or measurement.place is None:
+        return _where(measurement, None)
+    return _where(measurement, sample.times[measurement.place], sample.time_unit)
 
 
-def _where(one: Measurement, time: float | None, unit: str = "s") -> dict[str, Any]:
+def _where(measurement: Measurement, time: float | None, unit: str = "s") -> dict[str, Any]:
     """The time of a reading of a curve, or the concentration, or height and time, of a table's."""
-    if one.point is not None:
-        return place_of_point(one.point)
+    if measurement.point is not None:
+        return place_of_point(measurement.point)
     if time is not None:
         return {"time_s": time, "time_unit": unit}
-    if one.concentration is None:
+    if measurement.concentration is None:
         return {}
     return {
-        "concentration": one.concentration.value,
-        "concentration_kind": one.concentration.kind,
-        "volume_fraction": one.concentration.volume_fraction,
+        "concentration": measurement.concentration.value,
+        "concentration_kind": measurement.concentration.kind,
+        "volume_fraction": measurement.concentration.volume_fraction,
     }
 
 
@@ -443,8 +448,12 @@ def _scatter(problem: Problem) -> dict[str, dict[str, Any]]:
         if sample.scatter is not None:
             scatters[sample.name] = _table_of_scatter(sample.scatter)
         if (of_curve := sample.curve_scatter) is not None:
-            one = sample.readings_of_curve[0]
-            where = {"sample": sample.name, "observable": one.observable, "unit": one.unit}
+            first_reading = sample.readings_of_curve[0]
+            where = {
+                "sample": sample.name,
+                "observable": first_reading.observable,
+                "unit": first_reading.unit,
+            }
             scatters[f"{sample.name}, curve"] = _table_of_scatter(of_curve) | where
         for table in sample.concentrations:
             if table.scatter is not None:

@@ -68,36 +68,35 @@ def in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]
     text, code = language
     parameters, combinations = result["parameters"], result["determined_combinations"]
     lines = misfit_in_words(result, language)
-    lines += [_scatter(text(name), one, text) for name, one in result["scatter"].items()]
-    lines += [_runs(text, one) for one in result["runs"]]
+    lines += [_scatter(text(name), scatter, text) for name, scatter in result["scatter"].items()]
+    lines += [_runs(text, test) for test in result["runs"]]
     lines += [
-        f"The {spelled(one['observable'])}{_whose(text, one)} varies as "
-        f"{text(one['varies_as'])}: only that product of powers can be read from it."
-        for one in result["predictions"]
-        if one.get("varies_as", "1") != "1"
+        f"The {spelled(row['observable'])}{_whose(text, row)} varies as "
+        f"{text(row['varies_as'])}: only that product of powers can be read from it."
+        for row in result["predictions"]
+        if row.get("varies_as", "1") != "1"
     ]
     if result["misfit"]:
         lines.append(_as_far_as_it_is_right(result))
     lines.append(_how_many(len(parameters), len(combinations)))
+    lines += [_combination(combination, code) for combination in combinations]
     lines += [
-        f"- {code(one['expression'])} = {with_error(one['value'], one['standard_error'])}"
-        for one in combinations
+        f"{code(f'odds({label})')} is ({text(label)} {_less(parameter['bounds'][0])}) / "
+        f"({parameter['bounds'][1]:g} - {text(label)}), which runs from 0 to infinity."
+        for label, parameter in parameters.items()
+        if parameter["bounds"]
     ]
-    lines += [
-        f"{code(f'odds({label})')} is ({text(label)} {_less(one['bounds'][0])}) / "
-        f"({one['bounds'][1]:g} - {text(label)}), which runs from 0 to infinity."
-        for label, one in parameters.items()
-        if one["bounds"]
-    ]
-    if near := [one for one in result["near_combinations"] if one["expression"] not in parameters]:
+    if near := [
+        combination
+        for combination in result["near_combinations"]
+        if combination["expression"] not in parameters
+    ]:
         lines.append("Near this fit, though not farther away, they determine:")
-        lines += [
-            f"- {code(one['expression'])} = {with_error(one['value'], one['standard_error'])}"
-            for one in near
-        ]
+        lines += [_combination(combination, code) for combination in near]
     unchanged = result["unchanged_at_a_distance"]
     lines += [
-        _null(code(one), one in unchanged, bool(combinations)) for one in result["null_directions"]
+        _null(code(direction), direction in unchanged, bool(combinations))
+        for direction in result["null_directions"]
     ]
     lines += [
         f"The data say too little of {code(direction)} to determine it."
@@ -105,15 +104,21 @@ def in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]
         if direction not in parameters
     ]
     lines += [
-        f"One {code(label)} is taken for samples {text(', '.join(one['samples']))}."
-        for label, one in parameters.items()
-        if len(one["samples"]) > 1
+        f"One {code(label)} is taken for samples {text(', '.join(parameter['samples']))}."
+        for label, parameter in parameters.items()
+        if len(parameter["samples"]) > 1
     ]
-    for key, (one, several) in SAID.items():
+    for key, (singular, plural) in SAID.items():
         if names := result[key]:
-            listed = ", ".join(map(code, names))
-            lines.append((several if len(names) > 1 else one).format(listed))
+            names_text = ", ".join(map(code, names))
+            lines.append((plural if len(names) > 1 else singular).format(names_text))
     return [*lines, *_optima(result, code)]
+
+
+def _combination(combination: dict[str, Any], code: Callable[[str], str]) -> str:
+    """The list item of a combination: its expression, value and standard error."""
+    value = with_error(combination["value"], combination["standard_error"])
+    return f"- {code(combination['expression'])} = {value}"
 
 
 def _as_far_as_it_is_right(result: dict[str, Any]) -> str:
@@ -146,14 +151,14 @@ def _less(number: float) -> str:
 
 def _null(direction: str, unchanged: bool, others: bool = True) -> str:
     """The sentence about a product of powers of which no measurement tells."""
-    held = ", with the combinations above held," if others else ""
+    condition = ", with the combinations above held," if others else ""
     if unchanged:
         return (
-            f"No measurement says anything of {direction}: changing it{held} changes no "
+            f"No measurement says anything of {direction}: changing it{condition} changes no "
             "prediction, a factor of ten away either."
         )
     return (
-        f"No measurement says anything of {direction} near this fit: changing it there{held} "
+        f"No measurement says anything of {direction} near this fit: changing it there{condition} "
         "changes no prediction; farther away it may."
     )
 
@@ -161,80 +166,86 @@ def _null(direction: str, unchanged: bool, others: bool = True) -> str:
 def _optima(result: dict[str, Any], code: Callable[[str], str]) -> Iterator[str]:
     """Sentences about the other optima."""
     best, *others = result["optima"] or [None]
-    for one in others:
-        values = ", ".join(f"{code(name)} = {value:.3g}" for name, value in one["values"].items())
-        rise = one["half_sum_of_squares"] - best["half_sum_of_squares"]
+    for optimum in others:
+        values = ", ".join(
+            f"{code(name)} = {value:.3g}" for name, value in optimum["values"].items()
+        )
+        rise = optimum["half_sum_of_squares"] - best["half_sum_of_squares"]
         as_good = rise < AS_GOOD * (result["error_scale"] ** 2 if result["misfit"] else 1.0)
-        such = "as good, beside such a misfit" if result["misfit"] else "nearly as good"
+        comparison = "as good, beside such a misfit" if result["misfit"] else "nearly as good"
         yield (
-            f"Another optimum: {values}, with chi-squared {one['chi_squared']:.4g} where this fit "
+            f"Another optimum: {values}, with chi-squared {optimum['chi_squared']:.4g} where this "
+            "fit "
             f"has {result['chi_squared']:.4g}"
-            f"{f', {such}: data and priors do not tell the two apart' if as_good else ''}."
+            f"{f', {comparison}: data and priors do not tell the two apart' if as_good else ''}."
         )
 
 
-def _absolute_scatter(one: dict[str, Any], text: Callable[[str], str]) -> str:
+def _absolute_scatter(row: dict[str, Any], text: Callable[[str], str]) -> str:
     """The sentence about the scatter of a curve or table, or of the readings of a simulator."""
-    unit = "" if one["unit"] == "1" else f" {one['unit']}"
+    unit = "" if row["unit"] == "1" else f" {row['unit']}"
     scatter = "The scatter of the readings"
-    if "sample" in one:
-        scatter += f" of the {spelled(one['observable'])} of sample {text(one['sample'])}"
-    if "table" in one:
-        scatter += f", {text(one['table'])}"
-        if one["source"] == "assumed":
-            return f"{scatter}, is assumed, {one['value']:.3g}{unit}: too few readings tell it."
-    if one["source"] == "assumed":
+    if "sample" in row:
+        scatter += f" of the {spelled(row['observable'])} of sample {text(row['sample'])}"
+    if "table" in row:
+        scatter += f", {text(row['table'])}"
+        if row["source"] == "assumed":
+            return f"{scatter}, is assumed, {row['value']:.3g}{unit}: too few readings tell it."
+    if row["source"] == "assumed":
         return (
-            f"{scatter}, {one['value']:.3g}{unit}, is that about parabolas through their "
+            f"{scatter}, {row['value']:.3g}{unit}, is that about parabolas through their "
             "neighbours: too few are free to tell it."
         )
-    value = with_error(one["value"], one["standard_error"])
-    said = _estimated(f"{scatter}, {value}{unit}", one)
-    if one["source"] == "repeats" or one.get("of_initial", 0.0) < TOO_LARGE:
-        return said
+    value = with_error(row["value"], row["standard_error"])
+    sentence = _estimated(f"{scatter}, {value}{unit}", row)
+    if row["source"] == "repeats" or row.get("of_initial", 0.0) < TOO_LARGE:
+        return sentence
     return (
-        f"{said} It is {one['of_initial']:.0%} of the concentration of the suspension: rather a "
+        f"{sentence} It is {row['of_initial']:.0%} of the concentration of the suspension: rather "
+        "a "
         "front that the model misses than scatter."
     )
 
 
-def _scatter(name: str, one: dict[str, Any], text: Callable[[str], str]) -> str:
+def _scatter(name: str, row: dict[str, Any], text: Callable[[str], str]) -> str:
     """The sentence about the scatter of readings without a stated error."""
-    if "unit" in one:
-        return _absolute_scatter(one, text)
+    if "unit" in row:
+        return _absolute_scatter(row, text)
     scatter = f"The relative scatter of the velocities of sample {name}"
-    value, error = 100.0 * one["value"], 100.0 * one["standard_error"]
-    if one["source"] == "assumed":
+    value, error = 100.0 * row["value"], 100.0 * row["standard_error"]
+    if row["source"] == "assumed":
         return f"{scatter} is assumed, {value:.3g} %: too few readings tell it."
-    return _estimated(f"{scatter}, {with_error(value, error)} %", one)
+    return _estimated(f"{scatter}, {with_error(value, error)} %", row)
 
 
-def _estimated(scatter: str, one: dict[str, Any]) -> str:
+def _estimated(scatter: str, row: dict[str, Any]) -> str:
     """The sentence about a scatter, in words with its value, that repeats or residuals tell."""
-    source = "repeats" if one["source"] == "repeats" else "their residuals"
+    source = "repeats" if row["source"] == "repeats" else "their residuals"
     return (
-        f"{scatter}, is estimated from {source}, with {one['degrees_of_freedom']:.3g} degrees of "
+        f"{scatter}, is estimated from {source}, with {row['degrees_of_freedom']:.3g} degrees of "
         "freedom: errors of fitted values follow from it, and intervals are those of Student's "
         "distribution."
     )
 
 
-def _runs(text: Callable[[str], str], one: dict[str, Any]) -> str:
+def _runs(text: Callable[[str], str], row: dict[str, Any]) -> str:
     """The sentence about the runs test of readings without a stated error."""
-    changes = one["runs"] - 1
-    said = (
-        f"The residuals of the {one['readings']} readings of the {spelled(one['observable'])}"
-        f"{_whose(text, one)} change sign {changes} time{'s' if changes != 1 else ''}; "
-        f"noise does so as seldom with p {by_chance(one['p_value'])}"
+    changes = row["runs"] - 1
+    sentence = (
+        f"The residuals of the {row['readings']} readings of the {spelled(row['observable'])}"
+        f"{_whose(text, row)} change sign {changes} time{'s' if changes != 1 else ''}; "
+        f"noise does so as seldom with p {by_chance(row['p_value'])}"
     )
     return (
-        f"{said}: the model misses their shape." if one["p_value"] < TOO_FEW_BELOW else f"{said}."
+        f"{sentence}: the model misses their shape."
+        if row["p_value"] < TOO_FEW_BELOW
+        else f"{sentence}."
     )
 
 
-def _whose(text: Callable[[str], str], one: dict[str, Any]) -> str:
+def _whose(text: Callable[[str], str], row: dict[str, Any]) -> str:
     """The sample of a measurement; nothing of a simulator's."""
-    return "" if one["sample"] is None else f" of sample {text(one['sample'])}"
+    return "" if row["sample"] is None else f" of sample {text(row['sample'])}"
 
 
 def misfit_in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]:
@@ -250,34 +261,38 @@ def misfit_in_words(result: dict[str, Any], language: Language = TERMINAL) -> li
     lines = [_misfit(result)]
     if result["stands_out"]:
         rows = [result["predictions"][place] for place in result["stands_out"]]
-        said = "; ".join(_far_off(row, result["data_as_understood"], language.text) for row in rows)
-        lines.append(f"Farthest off: {said}.")
-    lines += [f"{language.text(one[:1].upper() + one[1:])}." for one in result["advice"]]
+        readings = "; ".join(
+            _far_off(row, result["data_as_understood"], language.text) for row in rows
+        )
+        lines.append(f"Farthest off: {readings}.")
+    lines += [
+        f"{language.text(sentence[:1].upper() + sentence[1:])}." for sentence in result["advice"]
+    ]
     return [*lines, TRY]
 
 
 def _far_off(
-    one: dict[str, Any], files: dict[str, dict[str, Any]], text: Callable[[str], str]
+    row: dict[str, Any], files: dict[str, dict[str, Any]], text: Callable[[str], str]
 ) -> str:
     """A reading that stands out, as its file has it.
 
     Args:
-      one: the prediction of it.
+      row: the prediction of it.
       files: records of how files were read, by sample and table.
       text: escapes names.
     """
-    table = "velocities" if "concentration" in one else one.get("table")
-    file = files.get(f"{one['sample']}, {table}" if table else one["sample"], {})
-    row = "" if one["row"] is None else f", {file.get('row_word', 'row')} {one['row']}"
-    at = when(one)
-    if "time_s" in one and file and not table:
-        at = f" at {one['time_s'] / TIME_UNITS[file['time_unit']]:.6g} {file['time_unit']}"
-    sample = "" if one["sample"] is None else f"sample {text(one['sample'])}, "
-    off = (one["predicted"] - one["measured"]) / one["sigma"]
-    unit = "" if one["unit"] == "1" else f" {one['unit']}"
+    table = "velocities" if "concentration" in row else row.get("table")
+    file = files.get(f"{row['sample']}, {table}" if table else row["sample"], {})
+    line = "" if row["row"] is None else f", {file.get('row_word', 'row')} {row['row']}"
+    at = when(row)
+    if "time_s" in row and file and not table:
+        at = f" at {row['time_s'] / TIME_UNITS[file['time_unit']]:.6g} {file['time_unit']}"
+    sample = "" if row["sample"] is None else f"sample {text(row['sample'])}, "
+    deviations = (row["predicted"] - row["measured"]) / row["sigma"]
+    unit = "" if row["unit"] == "1" else f" {row['unit']}"
     return (
-        f"{sample}{spelled(one['observable'])}{at}{row}: {one['measured']:.4g}{unit} "
-        f"measured, {one['predicted']:.4g} predicted, {abs(off):.3g} standard deviations"
+        f"{sample}{spelled(row['observable'])}{at}{line}: {row['measured']:.4g}{unit} "
+        f"measured, {row['predicted']:.4g} predicted, {abs(deviations):.3g} standard deviations"
     )
 
 
@@ -294,12 +309,12 @@ def _misfit(result: dict[str, Any]) -> str:
     )
 
 
-def line(one: dict[str, Any]) -> str:
+def line(row: dict[str, Any]) -> str:
     """A prediction of `forecasts`, as a sentence."""
     text = (
-        f"{one['sample']}, not fitted: {spelled(one['observable'])}{when(one)} "
-        f"{with_error(one['predicted'], one['predicted_error'])} {one['unit']} predicted"
+        f"{row['sample']}, not fitted: {spelled(row['observable'])}{when(row)} "
+        f"{with_error(row['predicted'], row['predicted_error'])} {row['unit']} predicted"
     )
-    if not np.isfinite(one["measured"]):
+    if not np.isfinite(row["measured"]):
         return f"{text}."
-    return f"{text}, {one['measured']:g} ± {one['sigma']:g} measured{off(one, ' ({})')}."
+    return f"{text}, {row['measured']:g} ± {row['sigma']:g} measured{off(row, ' ({})')}."

@@ -68,16 +68,17 @@ def value(cell: Cell, written: str, mark: str) -> float:
       InputError: no number within what can be measured.
     """
     try:
-        found = float(written.replace(mark, "."))
+        result = float(written.replace(mark, "."))
     except ValueError:
-        found = math.nan
-    if not math.isfinite(found):
+        result = math.nan
+    if not math.isfinite(result):
         raise cell.refuse(f"is not a finite number; {_remedy(mark)}")
-    if found and not SMALLEST <= abs(found) <= LARGEST:
+    if result and not SMALLEST <= abs(result) <= LARGEST:
         raise InputError(
-            f"{cell.at}: {cell.name} = {found:g} must be 0, or between 1e-30 and 1e30; mend the row"
+            f"{cell.at}: {cell.name} = {result:g} must be 0, or between 1e-30 and 1e30; mend the "
+            "row"
         )
-    return found
+    return result
 
 
 def not_a_number(cell: Cell) -> InputError:

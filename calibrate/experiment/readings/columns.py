@@ -62,7 +62,7 @@ def layout(
       InputError: a header without time or mudline, or that names two of them.
     """
     row, rows = _header(table, stated)
-    width = max((one.width for one in ([row] if row else rows[:1])), default=0)
+    width = max((line.width for line in ([row] if row else rows[:1])), default=0)
     units = rows[0] if row and rows and _is_units(rows[0]) else None
     if units:
         rows = rows[1:]
@@ -75,26 +75,30 @@ def layout(
         chosen |= {"time": [Column(0, heads[0], "time")]}
         chosen |= {"mudline": [Column(1, heads[1], "mudline")]}
     columns = [
-        Column(place, one, one.kind[0]) for place, one in enumerate(heads) if one.kind is not None
+        Column(place, head, head.kind[0])
+        for place, head in enumerate(heads)
+        if head.kind is not None
     ]
     time, date = time_columns(chosen["time"], columns, time_unit, at)
-    readings = [one for role in OF_READINGS for one in chosen[role]] or _readings(columns, unit, at)
+    readings = [column for role in OF_READINGS for column in chosen[role]] or _readings(
+        columns, unit, at
+    )
     if time is None or not readings:
         raise InputError(_without(heads, at, row is None))
     errors = chosen["standard_deviation"]
-    errors = errors or [one for one in columns if one.role == "standard_deviation"]
+    errors = errors or [column for column in columns if column.role == "standard_deviation"]
     if len(errors) not in (0, 1, len(readings)):
         raise InputError(
             f"{at}: has {len(errors)} columns of errors for {len(readings)} of readings; give one "
             "for all, or one for each"
         )
-    used = [one.place for one in (time, date, *readings, *errors) if one is not None]
+    used = [column.place for column in (time, date, *readings, *errors) if column is not None]
     if len(set(used)) < len(used):
         raise InputError(f"{at}: columns has one twice, for time, mudline or errors; mend it")
     others = [
-        Column(place, one, "other")
-        for place, one in enumerate(heads)
-        if place not in used and (one.written or row is None)
+        Column(place, head, "other")
+        for place, head in enumerate(heads)
+        if place not in used and (head.written or row is None)
     ]
     return Layout(time, date, readings, errors, others, width, rows)
 
@@ -144,9 +148,9 @@ def _header(table: Table, stated: ColumnsSheet) -> tuple[Row | None, list[Row]]:
 def _accepts(row: Row, stated: ColumnsSheet, names: list[str]) -> bool:
     """True if a row has the stated names, and otherwise a time and a mudline."""
     heads = [heading(cell) for cell in row.cells]
-    if not all(any(_is_named(one, name) for one in heads) for name in names):
+    if not all(any(_is_named(head, name) for head in heads) for name in names):
         return False
-    roles = {one.kind[0] for one in heads if one.kind is not None}
+    roles = {head.kind[0] for head in heads if head.kind is not None}
     time = stated.time is not None or "time" in roles
     reading = any(getattr(stated, role) is not None for role in OF_READINGS)
     return time and (reading or bool(roles & set(OF_READINGS))) and bool(names or roles)
@@ -154,9 +158,9 @@ def _accepts(row: Row, stated: ColumnsSheet, names: list[str]) -> bool:
 
 def _heading(row: Row | None, units: Row | None, place: int) -> Heading:
     """The heading of a column, with the unit of the row below the header."""
-    found = heading(row.cell(place)) if row else Heading("", "", "", False)
+    head = heading(row.cell(place)) if row else Heading("", "", "", False)
     unit = headings.unit_of_cell(units.cell(place)) if units else ""
-    return found._replace(unit=unit, explicit=True) if unit and not found.unit else found
+    return head._replace(unit=unit, explicit=True) if unit and not head.unit else head
 
 
 def _is_units(row: Row) -> bool:
@@ -164,15 +168,15 @@ def _is_units(row: Row) -> bool:
 
 
 def _named(stated: ColumnsSheet, role: Role) -> list[str | int]:
-    given = getattr(stated, role)
-    if given is None:
+    columns = getattr(stated, role)
+    if columns is None:
         return []
-    return given if isinstance(given, list) else [given]
+    return columns if isinstance(columns, list) else [columns]
 
 
 def _names(stated: ColumnsSheet) -> list[str]:
     roles: tuple[Role, ...] = get_args(Role)
-    return [one for role in roles for one in _named(stated, role) if isinstance(one, str)]
+    return [name for role in roles for name in _named(stated, role) if isinstance(name, str)]
 
 
 def _is_named(head: Heading, name: str) -> bool:
@@ -205,27 +209,27 @@ def stated_places(
     Raises:
       InputError: no such column, or more than one.
     """
-    found: list[int] = []
-    for given in stated:
-        if isinstance(given, int):
-            places = [given - 1] if given <= len(heads) else []
+    found_places: list[int] = []
+    for column in stated:
+        if isinstance(column, int):
+            places = [column - 1] if column <= len(heads) else []
         else:
-            exact = [place for place, one in enumerate(heads) if one.written == given]
-            places = exact or [place for place, one in enumerate(heads) if _is_named(one, given)]
+            exact = [place for place, head in enumerate(heads) if head.written == column]
+            places = exact or [place for place, head in enumerate(heads) if _is_named(head, column)]
         if not places or (len(places) > 1 and not several):
             count = "no column" if not places else f"{len(places)} columns"
             raise InputError(
-                f"{at}: columns.{role} = {shown(given)}: there is {count} of it; give a name or "
+                f"{at}: columns.{role} = {shown(column)}: there is {count} of it; give a name or "
                 f"number of the header, which is {_listed(heads)}"
             )
-        found += places
-    return found
+        found_places += places
+    return found_places
 
 
 def _role(role: Role, head: Heading) -> Role:
     """The role of a column that is stated as the mudline: its header may say the clear layer."""
-    said = head.kind
-    return said[0] if role == "mudline" and said and said[0] in OF_READINGS else role
+    kind = head.kind
+    return kind[0] if role == "mudline" and kind and kind[0] in OF_READINGS else role
 
 
 def time_columns(
@@ -242,19 +246,21 @@ def time_columns(
     Raises:
       InputError: several columns may be the time.
     """
-    times = stated or [one for one in columns if one.role == "time"]
+    times = stated or [column for column in columns if column.role == "time"]
     if len(times) < 2:
         return (times[0] if times else None), None
-    dates = [one for one in times if _is_day(one.heading)]
-    clocks = [one for one in times if one not in dates and not one.heading.of_dates]
+    dates = [column for column in times if _is_day(column.heading)]
+    clocks = [column for column in times if column not in dates and not column.heading.of_dates]
     if len(dates) == 1 and len(clocks) == 1 and not clocks[0].heading.unit:
         return clocks[0], dates[0]
-    in_unit = [one for one in times if time_unit and TIME.named(one.heading.unit) == time_unit]
-    rank = min(one.heading.kind[1] for one in times if one.heading.kind)
-    best = [one for one in times if one.heading.kind and one.heading.kind[1] == rank]
+    in_unit = [
+        column for column in times if time_unit and TIME.named(column.heading.unit) == time_unit
+    ]
+    rank = min(column.heading.kind[1] for column in times if column.heading.kind)
+    best = [column for column in times if column.heading.kind and column.heading.kind[1] == rank]
     if len(in_unit) == 1:
         return in_unit[0], None
-    if len(best) > 1 and len({one.heading.unit for one in best}) < len(best):
+    if len(best) > 1 and len({column.heading.unit for column in best}) < len(best):
         raise InputError(
             f"{at}: {in_words(best)} may be the time; state columns = {{time = "
             f"{shown(best[0].named)}}}"
@@ -273,15 +279,17 @@ def _readings(columns: list[Column], unit: str | None, at: str) -> list[Column]:
 
     The same reading in another unit is left out: it is in the stated one, or in the first.
     """
-    found = [one for one in columns if one.role in OF_READINGS]
-    rank = min((one.heading.kind[1] for one in found if one.heading.kind), default=0)
-    best = [one for one in found if one.heading.kind and one.heading.kind[1] == rank]
-    named = [one for one in best if one.heading.name == best[0].heading.name]
-    in_unit = [one for one in named if READINGS.named(one.heading.unit) == unit] or [
-        one for one in named if one.heading.unit == named[0].heading.unit
+    candidates = [column for column in columns if column.role in OF_READINGS]
+    rank = min((column.heading.kind[1] for column in candidates if column.heading.kind), default=0)
+    best = [
+        column for column in candidates if column.heading.kind and column.heading.kind[1] == rank
     ]
-    best = [one for one in best if one in in_unit or one not in named]
-    if len({one.heading.base for one in best}) > 1:
+    named = [column for column in best if column.heading.name == best[0].heading.name]
+    in_unit = [column for column in named if READINGS.named(column.heading.unit) == unit] or [
+        column for column in named if column.heading.unit == named[0].heading.unit
+    ]
+    best = [column for column in best if column in in_unit or column not in named]
+    if len({column.heading.base for column in best}) > 1:
         raise InputError(
             f"{at}: {in_words(best)} may be the mudline; state columns = {{mudline = "
             f"{shown(best[0].named)}}}, or a list of repeats"
@@ -291,20 +299,20 @@ def _readings(columns: list[Column], unit: str | None, at: str) -> list[Column]:
 
 def in_words(columns: list[Column]) -> str:
     """Columns in words."""
-    return "columns " + " and ".join(shown(one.named) for one in columns[:3])
+    return "columns " + " and ".join(shown(column.named) for column in columns[:3])
 
 
 def _listed(heads: list[Heading]) -> str:
-    names = [shown(one.written) for one in heads[:4]]
+    names = [shown(head.written) for head in heads[:4]]
     return (", ".join(names) + (", ..." if len(heads) > 4 else "")) if any(names) else "missing"
 
 
 def _without(heads: list[Heading], at: str, missing: bool) -> str:
     """The message about a header that lacks a time or a mudline."""
-    said = "missing" if missing or not heads else ", ".join(one.written for one in heads[:4])
-    said = said if len(said) <= 60 else shown(said)
+    header = "missing" if missing or not heads else ", ".join(head.written for head in heads[:4])
+    header = header if len(header) <= 60 else shown(header)
     return (
-        f"{at}: the header is {said}; give time and one of mudline or sedimentation_ratio, or "
+        f"{at}: the header is {header}; give time and one of mudline or sedimentation_ratio, or "
         f"{STATED}"
     )
 

@@ -52,7 +52,8 @@ _DENSITIES = {
     "mg/L": r"mg\s*(?:/|\s*per\s+)\s*(?:l|litre|liter)|mg[\s.·*]*l\s*\^?-1|ppm",
 }
 _DENSITY = {
-    name: re.compile(rf"(?<![^\W\d_])(?:{one})(?![\w^])") for name, one in _DENSITIES.items()
+    name: re.compile(rf"(?<![^\W\d_])(?:{pattern})(?![\w^])")
+    for name, pattern in _DENSITIES.items()
 }
 
 
@@ -67,8 +68,8 @@ def kind_of(text: str) -> str | None:
             return name
     tokens = _TOKENS.findall(whole)
     words = set(tokens)
-    liquid = next((place for place, one in enumerate(tokens) if one in vocabulary.LIQUID), None)
-    solid = next((place for place, one in enumerate(tokens) if one in vocabulary.SOLID), None)
+    liquid = next((place for place, token in enumerate(tokens) if token in vocabulary.LIQUID), None)
+    solid = next((place for place, token in enumerate(tokens) if token in vocabulary.SOLID), None)
     if liquid is not None and solid is not None and words & vocabulary.OVER:
         return "liquid ratio" if liquid < solid else "solids ratio"
     if "ratio" in words and (liquid is None) != (solid is None):
@@ -76,10 +77,10 @@ def kind_of(text: str) -> str | None:
     by_volume, by_weight = words & vocabulary.BY_VOLUME, words & vocabulary.BY_WEIGHT
     if bool(by_volume) == bool(by_weight):
         return None
-    of = "volume" if by_volume else "weight"
+    basis = "volume" if by_volume else "weight"
     if words & vocabulary.PERCENT:
-        return f"{of} percent"
-    return f"{of} fraction" if words & vocabulary.FRACTION else None
+        return f"{basis} percent"
+    return f"{basis} fraction" if words & vocabulary.FRACTION else None
 
 
 def names_a_concentration(text: str) -> bool:
@@ -138,9 +139,9 @@ def volume_fraction(kind: str, value: float, recipe: Recipe) -> float:
     """
     fraction = _fraction(kind, value, recipe)
     if fraction is None or fraction * recipe.radius_factor**3 > RANDOM_CLOSE_PACKING:
-        which = "" if fraction is None else f", a volume fraction of {fraction:.3g},"
+        fraction_text = "" if fraction is None else f", a volume fraction of {fraction:.3g},"
         raise InputError(
-            f"{said(kind, value)}{which} is denser than particles can be dispersed, "
+            f"{said(kind, value)}{fraction_text} is denser than particles can be dispersed, "
             f"{RANDOM_CLOSE_PACKING} by volume; mend it, or state concentration if it is not the "
             f"{kind}"
         )
@@ -182,8 +183,8 @@ def _fraction(kind: str, value: float, recipe: Recipe) -> float | None:
 
 def _by_weight(particle: float, recipe: Recipe) -> dict[str, float]:
     """Weight fractions of so many particles, their coating and fluid; below 0: none is left."""
-    composition, of = recipe.composition, recipe.phases
-    coating = of.layer * (of.coating or 0.0) / of.particle
+    composition, phases = recipe.composition, recipe.phases
+    coating = phases.layer * (phases.coating or 0.0) / phases.particle
     if composition.particle is not None:
         coating = composition.coating / composition.particle
     return {

@@ -96,20 +96,21 @@ def dates(cells: Sequence[Cell], stated: str | None) -> list[datetime]:
     readable: dict[str, list[datetime]] = {}
     for order, formats in orders.items():
         parsed = takewhile(bool, (_parsed(_plain(cell.text), formats) for cell in cells))
-        found = [one for one in parsed if one is not None]
-        if len(found) == len(cells):
-            readable[order] = found
+        values = [date for date in parsed if date is not None]
+        if len(values) == len(cells):
+            readable[order] = values
     if not readable:
         raise _of_no_order(cells, orders)
-    one, *others = readable.items()
-    for order, found in others:
-        for cell, first, second in zip(cells, one[1], found, strict=True):
+    first_order, *others = readable.items()
+    for order, values in others:
+        for cell, first, second in zip(cells, first_order[1], values, strict=True):
             if first != second:
                 raise cell.refuse(
-                    f"can be read {one[0]} ({first:%Y-%m-%d}) or {order} ({second:%Y-%m-%d}); "
+                    f"can be read {first_order[0]} ({first:%Y-%m-%d}) or {order} "
+                    f"({second:%Y-%m-%d}); "
                     'state date_format, such as "%d/%m/%Y" or "%m/%d/%Y"'
                 )
-    return one[1]
+    return first_order[1]
 
 
 def strptime_format(stated: str) -> str:
@@ -118,7 +119,7 @@ def strptime_format(stated: str) -> str:
     Raises:
       InputError: a format without day or month, or with a directive that is not known.
     """
-    made = stated
+    pattern = stated
     if "%" not in stated:
         for letters, directive in (
             ("(?<=:)mm?", "%M"),
@@ -130,15 +131,17 @@ def strptime_format(stated: str) -> str:
             ("hh?", "%H"),
             ("ss?", "%S"),
         ):
-            made = re.sub(f"(?<!%){letters}", directive, made, flags=re.IGNORECASE)
-    asked = set(re.findall("%(.?)", made))
-    whole = asked & {"d", "j"} and asked & {"m", "b", "B", "j"} and asked & {"y", "Y"}
-    if not whole or not asked <= _DIRECTIVES:
+            pattern = re.sub(f"(?<!%){letters}", directive, pattern, flags=re.IGNORECASE)
+    directives = set(re.findall("%(.?)", pattern))
+    complete = (
+        directives & {"d", "j"} and directives & {"m", "b", "B", "j"} and directives & {"y", "Y"}
+    )
+    if not complete or not directives <= _DIRECTIVES:
         raise InputError(
             f'date_format = {shown(stated)}: must have day, month and year, as "%d/%m/%Y" or '
             '"%d/%m/%Y %H:%M"'
         )
-    return made
+    return pattern
 
 
 def _orders(cells: Sequence[Cell]) -> dict[str, list[str]]:
@@ -155,7 +158,7 @@ def _of_no_order(cells: Sequence[Cell], orders: dict[str, list[str]]) -> InputEr
     """The error of the first cell that no order can read, or not the order of the others."""
     for number in range(1, len(cells) + 1):
         plain = [_plain(cell.text) for cell in cells[:number]]
-        if not any(all(_parsed(one, formats) for one in plain) for formats in orders.values()):
+        if not any(all(_parsed(text, formats) for text in plain) for formats in orders.values()):
             break
     return cells[number - 1].refuse(
         "is no date that exists, or not in the order of the others; write it as 2024-01-31 or "
@@ -163,12 +166,12 @@ def _of_no_order(cells: Sequence[Cell], orders: dict[str, list[str]]) -> InputEr
     )
 
 
-def _of_format(cell: Cell, made: str) -> datetime:
+def _of_format(cell: Cell, pattern: str) -> datetime:
     """The date of a cell in a stated format, with or without a time of day behind it."""
     for text in (cell.text, cell.text.replace("T", " ")):
         for time in TIMES:
             try:
-                return without_zone(datetime.strptime(text, made + time))
+                return without_zone(datetime.strptime(text, pattern + time))
             except (ValueError, re.error):
                 continue
     raise cell.refuse("is not as date_format says; mend the row or date_format")
@@ -193,13 +196,13 @@ def _parsed(text: str, formats: list[str]) -> datetime | None:
     zone = re.fullmatch(r"(.*:\d\d(?:\.\d+)?)\s*(Z|[+-]\d\d:?\d\d)", text)
     if zone is not None:
         text = zone[1]
-    for place, one in enumerate(formats):
+    for place, pattern in enumerate(formats):
         try:
-            found = datetime.strptime(text, one)
+            date = datetime.strptime(text, pattern)
         except ValueError:
             continue
         formats.insert(0, formats.pop(place))
-        return found - _offset(zone[2]) if zone else found
+        return date - _offset(zone[2]) if zone else date
     return None
 
 
@@ -212,6 +215,6 @@ def _offset(zone: str) -> timedelta:
     return sign * timedelta(hours=int(digits[:2]), minutes=int(digits[2:]))
 
 
-def without_zone(found: datetime) -> datetime:
+def without_zone(date: datetime) -> datetime:
     """A date in universal time where its zone is known, else as it is."""
-    return found.replace(tzinfo=None) - (found.utcoffset() or timedelta(0))
+    return date.replace(tzinfo=None) - (date.utcoffset() or timedelta(0))

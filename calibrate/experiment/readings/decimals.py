@@ -47,8 +47,8 @@ def decimal_mark(numbers: Iterable[Cell], delimiter: str, stated: str | None) ->
             plain = plain or not thousands
         elif marks[1]:
             first.setdefault(".", cell)
-    other = {".": ",", ",": "."}
-    if stated is not None and (against := first.get(other[stated])):
+    other_mark = {".": ",", ",": "."}
+    if stated is not None and (against := first.get(other_mark[stated])):
         raise against.refuse(
             f'has another decimal mark than decimal = "{stated}", which is stated; mend one'
         )

@@ -63,28 +63,28 @@ def rows(lines: Iterable[Line], delimiter: str, path: str) -> Iterator[Row]:
         for number, line in lines:
             yield Row(number, _WORDS.findall(line))
         return
-    at = 0
+    first_line = 0
     behind_quote = re.compile(rf'"[ ]+(?={re.escape(delimiter)}|$)')
 
     def told() -> Iterator[str]:
-        nonlocal at
+        nonlocal first_line
         for number, line in lines:
-            at = at or number
+            first_line = first_line or number
             yield behind_quote.sub('"', line) + "\n"
 
     reader = csv.reader(told(), delimiter=delimiter, strict=True, skipinitialspace=True)
     while True:
-        at = 0
+        first_line = 0
         try:
             row = next(reader)
         except StopIteration:
             return
         except csv.Error as error:
             raise InputError(
-                f"{path}, line {at}: {error}; mend its quotation marks, or shorten it"
+                f"{path}, line {first_line}: {error}; mend its quotation marks, or shorten it"
             ) from None
-        refuse_wide(f"{path}, line {at}", len(row), 2)
-        yield Row(at, [" ".join(cell.split()) for cell in row])
+        refuse_wide(f"{path}, line {first_line}", len(row), 2)
+        yield Row(first_line, [" ".join(cell.split()) for cell in row])
 
 
 def _stated(stated: str, lines: list[Line], path: str) -> str:
@@ -107,9 +107,9 @@ def _counts(lines: list[Line], mark: str) -> tuple[int, int]:
     Sentences above the header have any number of words.
     """
     parted = [_cells(line, mark) for line in lines]
-    readings = [place for place, one in enumerate(parted) if _has_readings(one)]
+    readings = [place for place, parts in enumerate(parted) if _has_readings(parts)]
     header = max(0, readings[0] - 1) if readings else 0
-    return len(readings), sum(len(one) > 1 for one in parted[header:])
+    return len(readings), sum(len(parts) > 1 for parts in parted[header:])
 
 
 def _cells(line: Line, mark: str) -> list[str]:
@@ -123,8 +123,10 @@ def _cells(line: Line, mark: str) -> list[str]:
 
 def _has_readings(cells_of: list[str]) -> bool:
     """True for at least two numbers, times or empty cells, and one that is not empty."""
-    read = [is_reading(cell) for cell in cells_of]
-    return sum(read) > 1 or (sum(read) == 1 and any(map(cells.is_missing, cells_of)))
+    holds_reading = [is_reading(cell) for cell in cells_of]
+    return sum(holds_reading) > 1 or (
+        sum(holds_reading) == 1 and any(map(cells.is_missing, cells_of))
+    )
 
 
 def is_reading(cell: str) -> bool:

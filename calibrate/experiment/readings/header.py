@@ -41,5 +41,5 @@ def _is_units(below: list[Row]) -> bool:
 def _with_units(header: Row, units: Row) -> Row:
     """A header with the units of a row of their own behind its names."""
     words = [units.cell(place).strip("()[] ") for place in range(len(header.cells))]
-    both = zip(header.cells, words, strict=True)
-    return header._replace(cells=[f"{name} ({unit})" if unit else name for name, unit in both])
+    pairs = zip(header.cells, words, strict=True)
+    return header._replace(cells=[f"{name} ({unit})" if unit else name for name, unit in pairs])

@@ -109,20 +109,20 @@ def heading(written: str) -> Heading:
         and match[3] not in NO_UNIT_BEHIND
         and not (loose and "of " in plain)
     ):
-        found = Heading(written, match[1].removesuffix(" in"), match[3], False)
-        if found.kind is None and whole.kind is not None:
+        with_unit = Heading(written, match[1].removesuffix(" in"), match[3], False)
+        if with_unit.kind is None and whole.kind is not None:
             return whole
-        if _fits(found):
-            return found
+        if _fits(with_unit):
+            return with_unit
     return whole
 
 
-def _fits(found: Heading) -> bool:
+def _fits(head: Heading) -> bool:
     """True if the last word may be the unit of its column: `min` of `h_min` is none of a height."""
-    if found.kind is None:
+    if head.kind is None:
         return True
-    of_time = TIME.named(found.unit) is not None or found.unit in HOURS_FIRST | MINUTES_FIRST
-    return of_time == (found.kind[0] == "time")
+    of_time = TIME.named(head.unit) is not None or head.unit in HOURS_FIRST | MINUTES_FIRST
+    return of_time == (head.kind[0] == "time")
 
 
 def is_unit_cell(text: str) -> bool:

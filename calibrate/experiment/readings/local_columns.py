@@ -44,9 +44,9 @@ def layout(table: Table, sheet: LocalSheet) -> LocalLayout:
       InputError: a header without them, or that names two of one.
     """
     by_time = sheet.height is not None
-    row, rows = header(table, lambda one: _accepts(one, by_time))
+    row, rows = header(table, lambda line: _accepts(line, by_time))
     at = table.at(row or (table.rows[0] if table.rows else Row(1, [])))
-    width = max((one.width for one in ([row] if row else rows[:1])), default=0)
+    width = max((line.width for line in ([row] if row else rows[:1])), default=0)
     columns = [_column(place, row.cell(place) if row else "") for place in range(width)]
     role: Role = "time" if by_time else "height"
     if row is None and sheet.columns == LocalColumnsSheet() and width == 2:
@@ -61,18 +61,20 @@ def layout(table: Table, sheet: LocalSheet) -> LocalLayout:
     if by_time:
         time, date = time_columns(axis, columns, sheet.time_unit, at)
         axis = [time] if time else []
-    axis = axis or _only([one for one in columns if one.role == role], role, at)
+    axis = axis or _only([column for column in columns if column.role == role], role, at)
     if not axis or not concentrations:
         raise InputError(_without(columns, by_time, at))
     errors = _stated("standard_deviation", sheet, columns, at)
-    errors = errors or [one for one in columns if one.role == "standard_deviation"]
+    errors = errors or [column for column in columns if column.role == "standard_deviation"]
     errors = _only(errors, "standard_deviation", at)
-    used = [one.place for one in (*axis, *concentrations, *errors)]
+    used = [column.place for column in (*axis, *concentrations, *errors)]
     if len(set(used)) < len(used):
         raise InputError(f"{at}: columns has one twice; mend it")
     used += [date.place] if date else []
     others = [
-        one for one in columns if one.place not in used and (one.heading.written or row is None)
+        column
+        for column in columns
+        if column.place not in used and (column.heading.written or row is None)
     ]
     error = errors[0] if errors else None
     return LocalLayout(axis[0], date, concentrations, error, others, width, rows, at)
@@ -96,24 +98,27 @@ def _accepts(row: Row, by_time: bool) -> bool:
 
 def _stated(role: Role, sheet: LocalSheet, columns: list[Column], at: str) -> list[Column]:
     """The columns that the experiment file states for a role."""
-    given = getattr(sheet.columns, role)
-    stated = given if isinstance(given, list) else [given] if given is not None else []
-    heads: list[Heading] = [one.heading for one in columns]
+    named = getattr(sheet.columns, role)
+    stated = named if isinstance(named, list) else [named] if named is not None else []
+    heads: list[Heading] = [column.heading for column in columns]
     places = stated_places(role, stated, heads, at, several=False)
     return [columns[place]._replace(role=role) for place in places]
 
 
 def _concentrations(columns: list[Column], sheet: LocalSheet, at: str) -> list[Column]:
     """The column of concentrations: that of the stated kind where there are several."""
-    found = [one for one in columns if one.role == "concentration"]
-    of_kind = [one for one in found if kind_of(one.heading.written) == sheet.concentration]
-    found = of_kind if len(found) > 1 and len(of_kind) == 1 else found
-    if len(found) > 1:
+    candidates = [column for column in columns if column.role == "concentration"]
+    of_kind = [
+        column for column in candidates if kind_of(column.heading.written) == sheet.concentration
+    ]
+    candidates = of_kind if len(candidates) > 1 and len(of_kind) == 1 else candidates
+    if len(candidates) > 1:
         raise InputError(
-            f"{at}: {in_words(found)} may be the concentration; state columns = {{concentration = "
-            f"{shown(found[0].named)}}}, or a list of repeats"
+            f"{at}: {in_words(candidates)} may be the concentration; state columns = "
+            f"{{concentration = "
+            f"{shown(candidates[0].named)}}}, or a list of repeats"
         )
-    return found
+    return candidates
 
 
 def _only(columns: list[Column], role: str, at: str) -> list[Column]:
@@ -128,7 +133,7 @@ def _only(columns: list[Column], role: str, at: str) -> list[Column]:
 
 def _without(columns: list[Column], by_time: bool, at: str) -> str:
     """The message about a header that lacks a column."""
-    written = ", ".join(one.heading.written for one in columns[:4])
+    written = ", ".join(column.heading.written for column in columns[:4])
     axis, stated = ("time", "height") if by_time else ("height", "time")
     return (
         f"{at}: the header is {shown(written) if written.strip(', ') else 'missing'}; where "

@@ -106,43 +106,43 @@ def read(
     """
     table = only_table(
         rows.tables(sheet, folder),
-        lambda one: bool(layout(one, sheet).rows),
+        lambda table: bool(layout(table, sheet).rows),
         folder / sheet.file,
         "several sheets of concentrations",
         "no sheet with concentrations",
     )
-    found = layout(table, sheet)
-    refuse_several_samples(table, found.others, found.rows)
-    _refuse_other_places(table, found, sheet)
-    kind = _kind(found, sheet)
-    written, left_out = _written(table, found)
-    every = [cell for one in written for cell in one[1:] if isinstance(cell, Cell)]
-    mark = decimals.decimal_mark(every, table.delimiter, sheet.decimal)
-    axis = _axis(written, found, sheet, mark, height)
+    columns = layout(table, sheet)
+    refuse_several_samples(table, columns.others, columns.rows)
+    _refuse_other_places(table, columns, sheet)
+    kind = _kind(columns, sheet)
+    written, left_out = _written(table, columns)
+    numbers = [cell for reading in written for cell in reading[1:] if isinstance(cell, Cell)]
+    mark = decimals.decimal_mark(numbers, table.delimiter, sheet.decimal)
+    axis = _axis(written, columns, sheet, mark, height)
     if min(axis.values) == max(axis.values):
         which = "height" if sheet.height is None else "time"
         raise InputError(f"{table.path}: has readings at one {which} alone; give a second")
-    values = [_not_negative(one.value, mark) for one in written]
-    errors = _errors(written, found, sheet, kind, mark)
+    values = [_not_negative(reading.value, mark) for reading in written]
+    errors = _errors(written, columns, sheet, kind, mark)
     step = STEP * (max(values) or 1.0)
     readings = []
-    for one, at, value, error in zip(written, axis.values, values, errors, strict=True):
+    for reading, at, value, error in zip(written, axis.values, values, errors, strict=True):
         try:
             share = fraction(kind, value)
             lower = value - step if value > step else value + step
             slope = abs((fraction(kind, lower) - share) / step)
         except InputError as refusal:
-            raise InputError(f"{one.value.at}: {refusal}") from None
-        readings.append(LocalConcentration(at, share, error * slope, one.row.number))
-    readings.sort(key=lambda one: one.at)
+            raise InputError(f"{reading.value.at}: {refusal}") from None
+        readings.append(LocalConcentration(at, share, error * slope, reading.row.number))
+    readings.sort(key=lambda reading: reading.at)
     unit = "%" if kind == "volume percent" else "1"
-    understood = _understood(sheet, table, found, readings, axis, kind, unit, thickness)
+    understood = _understood(sheet, table, columns, readings, axis, kind, unit, thickness)
     marked = understood.read_as | ({"decimal": "decimal commas"} if mark == "," else {})
     understood = replace(understood, read_as=marked, left_out=tuple(left_out))
     return LocalConcentrations(readings, axis, unit, understood)
 
 
-def _refuse_other_places(table: Table, found: LocalLayout, sheet: LocalSheet) -> None:
+def _refuse_other_places(table: Table, columns: LocalLayout, sheet: LocalSheet) -> None:
     """Refuses rows of another height or time than the stated one, which a column tells.
 
     That is one that is not read, unless columns are stated.
@@ -152,13 +152,13 @@ def _refuse_other_places(table: Table, found: LocalLayout, sheet: LocalSheet) ->
     at_height = sheet.height is not None
     stated = sheet.height if at_height else (sheet.time or 0.0) * TIME_UNITS[sheet.time_unit or "s"]
     units, key = (HEIGHT, "height") if at_height else (TIME, "time")
-    for column in found.others:
+    for column in columns.others:
         head = column.heading
         if column.role != key or head.words & vocabulary.INTERFACE:
             continue
         unit = None if head.words & FROM_ABOVE else units.named(head.unit)
         first = ""
-        for row in found.rows:
+        for row in columns.rows:
             cell = _cell(table.at(row), row, column)
             first = first or ("" if cells.is_missing(cell.text) else cell.text)
             number = cells.number(cell.text)
@@ -175,44 +175,45 @@ def _refuse_other_places(table: Table, found: LocalLayout, sheet: LocalSheet) ->
                 )
 
 
-def _kind(found: LocalLayout, sheet: LocalSheet) -> str:
+def _kind(columns: LocalLayout, sheet: LocalSheet) -> str:
     """Kind of the concentrations, from the header or as stated."""
-    kinds = {kind_of(one.heading.written) for one in found.concentrations} - {None}
+    kinds = {kind_of(column.heading.written) for column in columns.concentrations} - {None}
     if len(kinds) > 1:
         raise InputError(
-            f"{found.at}: columns of concentrations are of {' and '.join(sorted(map(str, kinds)))}"
+            f"{columns.at}: columns of concentrations are of "
+            f"{' and '.join(sorted(map(str, kinds)))}"
             "; state columns of one kind"
         )
     kind = kinds.pop() if kinds else None
-    column = found.concentrations[0].named
-    return concentrations.kind_as_stated(kind, sheet.concentration, column, found.at)
+    column = columns.concentrations[0].named
+    return concentrations.kind_as_stated(kind, sheet.concentration, column, columns.at)
 
 
-def _written(table: Table, found: LocalLayout) -> tuple[list[Written], list[int]]:
+def _written(table: Table, columns: LocalLayout) -> tuple[list[Written], list[int]]:
     """The readings of a table, one for each repeat, and the numbers of rows without one."""
-    every: list[Written] = []
+    readings: list[Written] = []
     left_out: list[int] = []
     date = ""
-    for row in found.rows:
+    for row in columns.rows:
         at = table.at(row)
-        refuse_wider(at, row, found.width)
-        if found.date:
-            date = row.cell(found.date.place) or date  # one cell for all rows of a day
-        axis = with_date(_cell(at, row, found.axis), date)
-        values = [_cell(at, row, one) for one in found.concentrations]
-        values = [one for one in values if not cells.is_missing(one.text)]
+        refuse_wider(at, row, columns.width)
+        if columns.date:
+            date = row.cell(columns.date.place) or date  # one cell for all rows of a day
+        axis = with_date(_cell(at, row, columns.axis), date)
+        values = [_cell(at, row, column) for column in columns.concentrations]
+        values = [cell for cell in values if not cells.is_missing(cell.text)]
         if cells.is_missing(axis.text) or not values:
             left_out.append(row.number)
             continue
-        error = _cell(at, row, found.error) if found.error else None
+        error = _cell(at, row, columns.error) if columns.error else None
         error = None if error is None or cells.is_missing(error.text) else error
-        every += [Written(row, axis, one, error) for one in values]
-    if len(every) < FEWEST:
+        readings += [Written(row, axis, cell, error) for cell in values]
+    if len(readings) < FEWEST:
         raise InputError(
-            f"{table.path}: has {len(every)} rows of numbers; give at least {FEWEST} with a "
-            f"{found.axis.role} and a concentration"
+            f"{table.path}: has {len(readings)} rows of numbers; give at least {FEWEST} with a "
+            f"{columns.axis.role} and a concentration"
         )
-    return every, left_out
+    return readings, left_out
 
 
 def _cell(at: str, row: Row, column: Column) -> Cell:
@@ -220,24 +221,24 @@ def _cell(at: str, row: Row, column: Column) -> Cell:
 
 
 def _axis(
-    written: list[Written], found: LocalLayout, sheet: LocalSheet, mark: str, height: float
+    written: list[Written], columns: LocalLayout, sheet: LocalSheet, mark: str, height: float
 ) -> Axis:
     """The times or the heights of a table."""
-    column = [one.axis for one in written]
+    column = [reading.axis for reading in written]
     if sheet.height is None:
-        return _heights(column, found, sheet, mark, height)
-    head = found.axis.heading
-    if found.date is not None:
+        return _heights(column, columns, sheet, mark, height)
+    head = columns.axis.heading
+    if columns.date is not None:
         head = head._replace(name="time of day")
-    when = times(column, head, sheet, mark)
-    form = when.form if when.form == when.unit else f"as {when.form}"
-    return Axis(when.seconds, when.unit, TIME_UNITS[when.unit], form)
+    times_read = times(column, head, sheet, mark)
+    form = times_read.form if times_read.form == times_read.unit else f"as {times_read.form}"
+    return Axis(times_read.seconds, times_read.unit, TIME_UNITS[times_read.unit], form)
 
 
 def _heights(
-    column: list[Cell], found: LocalLayout, sheet: LocalSheet, mark: str, height: float
+    column: list[Cell], columns: LocalLayout, sheet: LocalSheet, mark: str, height: float
 ) -> Axis:
-    unit = _unit_of_heights(found, sheet)
+    unit = _unit_of_heights(columns, sheet)
     si = HEIGHT_UNITS[unit] if unit in HEIGHT_UNITS else RATIO_UNITS[unit] * height
     heights = []
     for cell in column:
@@ -258,56 +259,57 @@ def _heights(
     return Axis(heights, "m", 1.0, "as a ratio" if unit == "1" else f"in {unit}")
 
 
-def _unit_of_heights(found: LocalLayout, sheet: LocalSheet) -> str:
+def _unit_of_heights(columns: LocalLayout, sheet: LocalSheet) -> str:
     """The unit of the heights: of the header, or as stated."""
-    head, column = found.axis.heading, shown(found.axis.named)
+    head, column = columns.axis.heading, shown(columns.axis.named)
     if head.words & FROM_ABOVE:
         raise InputError(
-            f"{found.at}: column {column} is told from above; give heights from the floor"
+            f"{columns.at}: column {column} is told from above; give heights from the floor"
         )
     unit = LEVEL.named(head.unit) if head.unit else None
     if RATIO_OF_SYMBOLS.fullmatch(head.written.casefold().strip()):
         unit = "1"
     elif head.unit and head.explicit and unit is None:
         raise InputError(
-            f"{found.at}: column {column} is in {shown(head.unit)}, which is no unit of a height; "
+            f"{columns.at}: column {column} is in {shown(head.unit)}, which is no unit of a "
+            "height; "
             f"give one of {', '.join(LEVEL.units)}, or state columns"
         )
     if unit and sheet.height_unit and unit != sheet.height_unit:
         raise InputError(
-            f"{found.at}: column {column} is in {unit}, and height_unit = "
+            f"{columns.at}: column {column} is in {unit}, and height_unit = "
             f"{shown(sheet.height_unit)} is stated; mend the header, or take height_unit away"
         )
     unit = unit or sheet.height_unit
     if unit is None:
         raise InputError(
-            f"{found.at}: column {column} has no unit; write it into the header, as in "
+            f"{columns.at}: column {column} has no unit; write it into the header, as in "
             f'"height (cm)", or give height_unit, one of {", ".join(LEVEL.units)}'
         )
     return unit
 
 
 def _errors(
-    written: list[Written], found: LocalLayout, sheet: LocalSheet, kind: str, mark: str
+    written: list[Written], columns: LocalLayout, sheet: LocalSheet, kind: str, mark: str
 ) -> list[float]:
     """Standard deviations in the unit of the concentrations; NaN where none is given."""
-    if found.error is not None:
-        own = kind_of(found.error.heading.written)
-        other = own is not None and not concentrations.alike(own, kind)
-        if other or (found.error.heading.unit == "%" and "percent" not in kind):
+    if columns.error is not None:
+        kind_of_errors = kind_of(columns.error.heading.written)
+        other = kind_of_errors is not None and not concentrations.alike(kind_of_errors, kind)
+        if other or (columns.error.heading.unit == "%" and "percent" not in kind):
             raise InputError(
-                f"{found.at}: column {shown(found.error.named)} is not in the unit of the "
+                f"{columns.at}: column {shown(columns.error.named)} is not in the unit of the "
                 f"concentrations, {kind}; give errors in that"
             )
     stated = math.nan if sheet.standard_deviation is None else sheet.standard_deviation
-    errors = [_number(one.error, mark) if one.error else stated for one in written]
-    for one, error in zip(written, errors, strict=True):
+    errors = [_number(reading.error, mark) if reading.error else stated for reading in written]
+    for reading, error in zip(written, errors, strict=True):
         if error <= 0.0:
             raise InputError(
-                f"{one.value.at}: standard_deviation = {error:g} must be above zero; give the "
+                f"{reading.value.at}: standard_deviation = {error:g} must be above zero; give the "
                 "error of the reading"
             )
-    refuse_some_errors(errors, [one.value.at for one in written])
+    refuse_some_errors(errors, [reading.value.at for reading in written])
     return errors
 
 
@@ -330,7 +332,7 @@ def _number(cell: Cell, mark: str) -> float:
 def _understood(
     sheet: LocalSheet,
     table: Table,
-    found: LocalLayout,
+    layout_of_file: LocalLayout,
     readings: list[LocalConcentration],
     axis: Axis,
     kind: str,
@@ -340,17 +342,20 @@ def _understood(
     """Record of how the file was read; its readings are in the order of the axis."""
     which = "time" if sheet.height is not None else "height"
     ends = [
-        (one.at / axis.si, one.value / RATIO_UNITS[unit]) for one in readings[:: len(readings) - 1]
+        (reading.at / axis.si, reading.value / RATIO_UNITS[unit])
+        for reading in readings[:: len(readings) - 1]
     ]
-    errors = [one.error / RATIO_UNITS[unit] for one in readings]
+    errors = [reading.error / RATIO_UNITS[unit] for reading in readings]
     estimated = any(map(math.isnan, errors))
-    names = [one for one in (found.date, found.axis) if one]
+    names = [column for column in (layout_of_file.date, layout_of_file.axis) if column]
     return LocalUnderstood(
         file=sheet.file,
         read_as=table.facts,
         columns={
-            which: " and ".join(shown(one.named) for one in names),
-            "concentration": " and ".join(shown(one.named) for one in found.concentrations),
+            which: " and ".join(shown(column.named) for column in names),
+            "concentration": " and ".join(
+                shown(column.named) for column in layout_of_file.concentrations
+            ),
         },
         at=said_place(sheet),
         thickness=thickness,
@@ -364,7 +369,7 @@ def _understood(
         last=ends[-1],
         errors="estimated" if estimated else "stated",
         standard_deviation=None if estimated else (min(errors), max(errors)),
-        ignored_columns=tuple(one.named for one in found.others),
+        ignored_columns=tuple(column.named for column in layout_of_file.others),
         row_word=table.word,
     )
 

@@ -41,7 +41,7 @@ def points(table: Table, layout: Layout, date_format: str | None = None) -> Poin
       InputError: a row of more cells than the header, fewer than two readings, or a row without a
         reading that holds no time either.
     """
-    found: list[Point] = []
+    readings: list[Point] = []
     left_out: list[int] = []
     date = ""
     for row in layout.rows:
@@ -50,7 +50,9 @@ def points(table: Table, layout: Layout, date_format: str | None = None) -> Poin
         if layout.date:
             date = row.cell(layout.date.place) or date  # one cell for all rows of a day
         time = with_date(_cell(at, row, layout.time), date)
-        filled = [one for one in layout.readings if not cells.is_missing(row.cell(one.place))]
+        filled = [
+            column for column in layout.readings if not cells.is_missing(row.cell(column.place))
+        ]
         if not date_format and not cells.is_missing(time.text) and not _is_time(time.text):
             raise time.refuse(
                 "is not a finite number, nor a time such as 01:30 or a date such as 2024-01-31; "
@@ -59,15 +61,16 @@ def points(table: Table, layout: Layout, date_format: str | None = None) -> Poin
         if not filled or cells.is_missing(time.text):
             left_out.append(row.number)
             continue
-        found += [
-            Point(row, time, _reading(at, row, one), _error(at, row, one, layout)) for one in filled
+        readings += [
+            Point(row, time, _reading(at, row, column), _error(at, row, column, layout))
+            for column in filled
         ]
-    if len(found) < 2:
+    if len(readings) < 2:
         raise InputError(
-            f"{table.path}: has {len(found)} rows of numbers; give at least 2 with a time and a "
+            f"{table.path}: has {len(readings)} rows of numbers; give at least 2 with a time and a "
             "reading"
         )
-    return Points(found, left_out)
+    return Points(readings, left_out)
 
 
 def _is_time(text: str) -> bool:
@@ -93,8 +96,8 @@ def _error(at: str, row: Row, reading: Column, layout: Layout) -> Cell | None:
     """The cell of the error of a reading; None if there is none."""
     if not layout.errors:
         return None
-    own = layout.readings.index(reading) if len(layout.errors) > 1 else 0
-    cell = _cell(at, row, layout.errors[own])
+    place = layout.readings.index(reading) if len(layout.errors) > 1 else 0
+    cell = _cell(at, row, layout.errors[place])
     return None if cells.is_missing(cell.text) else cell
 
 

@@ -35,18 +35,18 @@ def tables(sheet: FileSheet, folder: Path) -> list[Table]:
         for key in ("delimiter", "encoding"):
             if getattr(sheet, key) is not None:
                 raise InputError(f"{path}: {key} is stated, and a workbook has none; take it away")
-        found = workbook.tables(content, path, sheet.sheet)
+        found_tables = workbook.tables(content, path, sheet.sheet)
     else:
         if sheet.sheet is not None:
             raise InputError(f"{path}: sheet is stated, and a text has none; take it away")
-        found = [_table(content, path, sheet)]
-    for table in found:
+        found_tables = [_table(content, path, sheet)]
+    for table in found_tables:
         if len(table.rows) > MOST_POINTS + 1:
             raise InputError(
                 f"{table.at(table.rows[MOST_POINTS + 1])}: comes after {MOST_POINTS} rows; give "
                 "fewer readings"
             )
-    return found
+    return found_tables
 
 
 def _content(path: Path) -> bytes:

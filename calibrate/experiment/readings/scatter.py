@@ -38,11 +38,11 @@ def scatter(times: list[float], values: list[float], height: float) -> float:
     with np.errstate(all="ignore"):  # of times a rounding apart the weights have no bound
         for inner in range(1, neighbours):
             distances.append(_from_polynomial(time, mean, 1.0 / count, neighbours, inner))
-    every = np.abs(np.concatenate(distances))
-    every = every[np.isfinite(every)]
-    if every.size < FEWEST:
+    sizes = np.abs(np.concatenate(distances))
+    sizes = sizes[np.isfinite(sizes)]
+    if sizes.size < FEWEST:
         return WITHOUT_READINGS * height
-    return max(float(np.median(every)) / MEDIAN_OF_NORMAL, LEAST * height)
+    return max(float(np.median(sizes)) / MEDIAN_OF_NORMAL, LEAST * height)
 
 
 def _from_polynomial(
@@ -60,10 +60,10 @@ def _from_polynomial(
     windows = np.arange(max(0, time.size - neighbours))[:, None] + np.arange(neighbours + 1)
     own, others = windows[:, inner], np.delete(windows, inner, axis=1)
     distance, square = mean[own].copy(), variance[own].copy()
-    for one in range(neighbours):
-        rest = time[np.delete(others, one, axis=1)]
-        at, node = time[own][:, None], time[others[:, one]][:, None]
+    for neighbour in range(neighbours):
+        rest = time[np.delete(others, neighbour, axis=1)]
+        at, node = time[own][:, None], time[others[:, neighbour]][:, None]
         weight = np.prod((at - rest) / (node - rest), axis=1)  # of Lagrange
-        distance -= weight * mean[others[:, one]]
-        square += weight**2 * variance[others[:, one]]
+        distance -= weight * mean[others[:, neighbour]]
+        square += weight**2 * variance[others[:, neighbour]]
     return distance / np.sqrt(square)

@@ -65,10 +65,10 @@ def only_table(
     """
     if len(tables) == 1:
         return tables[0]
-    readable = [one for one in tables if _passes(has_readings, one)]
+    readable = [table for table in tables if _passes(has_readings, table)]
     if len(readable) == 1:
         return readable[0]
-    names = ", ".join(shown(one.facts["sheet"]) for one in (readable or tables)[:4])
+    names = ", ".join(shown(table.facts["sheet"]) for table in (readable or tables)[:4])
     fault = several if readable else none
     raise InputError(f"{path}: has {fault}: {names}; state sheet, or give each its header")
 

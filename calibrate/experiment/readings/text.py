@@ -54,12 +54,12 @@ def decoded(content: bytes, path: Path, stated: str | None) -> Decoded:
     """
     mark = next((name for mark, name in MARKS.items() if content.startswith(mark)), None)
     if stated is not None:
-        found = [_stated(stated, mark, content, path)]
+        candidates = [_stated(stated, mark, content, path)]
     elif mark is not None:
-        found = [mark]
+        candidates = [mark]
     else:
-        found = [*_without_mark(content), "utf-8", "cp1252", "latin-1"]
-    for name in found:
+        candidates = [*_without_mark(content), "utf-8", "cp1252", "latin-1"]
+    for name in candidates:
         try:
             text = content.decode(name)
         except (UnicodeError, ValueError):
@@ -67,7 +67,9 @@ def decoded(content: bytes, path: Path, stated: str | None) -> Decoded:
         if "\0" in text:
             raise InputError(f"{path}: is no text; save the readings as CSV or .xlsx")
         return Decoded(text.removeprefix("\ufeff"), NAMES.get(name, name))
-    raise InputError(f"{path}: is not text in {NAMES.get(found[0], found[0])}; state its encoding")
+    raise InputError(
+        f"{path}: is not text in {NAMES.get(candidates[0], candidates[0])}; state its encoding"
+    )
 
 
 def _stated(stated: str, mark: str | None, content: bytes, path: Path) -> str:

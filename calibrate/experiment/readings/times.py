@@ -65,18 +65,18 @@ def _of_numbers(column: Sequence[Cell], head: Heading, sheet: TimesSheet, mark: 
         number = cells.number(cell.text)
         if number is None:
             raise cells.not_a_number(cell)
-        own = TIME.named(number.unit) if number.unit else unit
-        if own is None and number.unit:
+        unit_of_cell = TIME.named(number.unit) if number.unit else unit
+        if unit_of_cell is None and number.unit:
             raise cells.not_a_number(cell)
-        if own is None:
+        if unit_of_cell is None:
             raise cell.refuse(f"has no unit; {NEEDS_A_UNIT}")
-        if unit is not None and own != unit:
-            raise cell.refuse(f"is in {own}, and its column in {unit}; mend one")
+        if unit is not None and unit_of_cell != unit:
+            raise cell.refuse(f"is in {unit_of_cell}, and its column in {unit}; mend one")
         value = cells.value(cell, number.written, mark)
         if value < 0.0:
             raise InputError(f"{cell.at}: {cell.name} = {value:g} is negative; mend the row")
-        seconds.append(TIME_UNITS[own] * value)
-        units.add(own)
+        seconds.append(TIME_UNITS[unit_of_cell] * value)
+        units.add(unit_of_cell)
     unit = (units.pop() if len(units) == 1 else None) or _told_in(seconds)
     return Times(seconds, unit, unit)
 
@@ -99,8 +99,8 @@ def _of_clock(column: Sequence[Cell], head: Heading, sheet: TimesSheet) -> Times
             "or hh:mm in the header"
         )
     seconds = [dates.clock_seconds(cell, minutes_first) for cell in column]
-    for cell, one, before in zip(column[1:], seconds[1:], seconds, strict=False):
-        if one < before - DAY / 2 and before < DAY:
+    for cell, elapsed, before in zip(column[1:], seconds[1:], seconds, strict=False):
+        if elapsed < before - DAY / 2 and before < DAY:
             raise cell.refuse(
                 "comes after a later time of day: past midnight give dates with the time, or "
                 "elapsed times"
@@ -111,7 +111,7 @@ def _of_clock(column: Sequence[Cell], head: Heading, sheet: TimesSheet) -> Times
     elif head.of_day or any(dates.is_of_day(cell.text) for cell in column):
         start = min(seconds)
     form = "mm:ss" if minutes_first else "hh:mm:ss" if column[0].text.count(":") > 1 else "hh:mm"
-    seconds = _since(column, [one - start for one in seconds])
+    seconds = _since(column, [second - start for second in seconds])
     return Times(seconds, sheet.time_unit or _told_in(seconds), form)
 
 
@@ -125,9 +125,9 @@ def _of_dates(column: Sequence[Cell], head: Heading, sheet: TimesSheet) -> Times
         for cell in column:
             if not dates.is_date(cell.text):
                 raise cell.refuse("is no date, as the first is; mend the row")
-    found = dates.dates(column, sheet.date_format)
-    start = min(found) if sheet.start is None else _start(sheet.start, sheet, column[0])
-    seconds = _since(column, [(one - start) / timedelta(seconds=1) for one in found])
+    moments = dates.dates(column, sheet.date_format)
+    start = min(moments) if sheet.start is None else _start(sheet.start, sheet, column[0])
+    seconds = _since(column, [(moment - start) / timedelta(seconds=1) for moment in moments])
     return Times(seconds, sheet.time_unit or _told_in(seconds), "dates")
 
 
@@ -138,8 +138,8 @@ def _told_in(seconds: list[float]) -> str:
 
 def _since(column: Sequence[Cell], seconds: list[float]) -> list[float]:
     """Times from the start, none of them before it."""
-    for cell, one in zip(column, seconds, strict=True):
-        if one < 0.0:
+    for cell, elapsed in zip(column, seconds, strict=True):
+        if elapsed < 0.0:
             raise cell.refuse("is before the start; mend the row or start")
     return seconds
 

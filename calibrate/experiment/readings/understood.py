@@ -35,10 +35,10 @@ class FileUnderstood:
         """The line for people."""
         parts = [f"{shown(self.file)} ({', '.join(self.read_as.values())}): {self._read()}"]
         if self.ignored_columns:
-            parts.append(f"not used: {some([shown(one) for one in self.ignored_columns])}")
+            parts.append(f"not used: {some([shown(column) for column in self.ignored_columns])}")
         if self.left_out:
             plural = "s" if len(self.left_out) > 1 else ""
-            numbers = some([str(one) for one in self.left_out])
+            numbers = some([str(row) for row in self.left_out])
             parts.append(f"without a reading: {self.row_word}{plural} {numbers}")
         return "; ".join(parts)
 
@@ -91,7 +91,7 @@ class Understood(FileUnderstood):
 
 def between(ends: tuple[float, float], unit: str) -> str:
     """Least and greatest of some numbers in words, once where they are the same."""
-    least, most = (f"{one:.3g}" for one in ends)
+    least, most = (f"{end:.3g}" for end in ends)
     return f"{least}{unit}" if least == most else f"{least} to {most}{unit}"
 
 

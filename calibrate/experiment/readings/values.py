@@ -61,15 +61,15 @@ def values(
     """
     role = layout.readings[0].role
     unit = _unit(points, layout, sheet)
-    whole, si = _whole_and_si(role, unit, tube, points[0].reading)
-    read = [_number(point.reading, unit, mark) for point in points]
-    for point, one in zip(points, read, strict=True):
-        if one < 0.0 and role != "supernatant":
-            raise InputError(f"{point.reading.at}: {role} = {one:g} is negative; mend the row")
+    full_height, si = _whole_and_si(role, unit, tube, points[0].reading)
+    numbers = [_number(point.reading, unit, mark) for point in points]
+    for point, number in zip(points, numbers, strict=True):
+        if number < 0.0 and role != "supernatant":
+            raise InputError(f"{point.reading.at}: {role} = {number:g} is negative; mend the row")
     if role == "supernatant":
-        read = [whole - one for one in read]
+        numbers = [full_height - number for number in numbers]
     observable = "sedimentation_ratio" if unit in RATIO_UNITS else "mudline"
-    return Values(observable, read, _errors(points, layout, sheet, unit, mark), unit, si)
+    return Values(observable, numbers, _errors(points, layout, sheet, unit, mark), unit, si)
 
 
 def _whole_and_si(role: str, unit: str, tube: Tube, first: Cell) -> tuple[float, float]:
@@ -92,13 +92,13 @@ def _whole_and_si(role: str, unit: str, tube: Tube, first: Cell) -> tuple[float,
 def _unit(points: Sequence[Point], layout: Layout, sheet: CurveSheet) -> str:
     """The one unit of all readings: of the header, of the sheet, or behind the numbers."""
     column, at = layout.readings[0], points[0].reading.at.rsplit(", ", 1)[0]
-    found = {_of_header(one, at) for one in layout.readings} - {None}
-    if len(found) > 1:
+    units = {_of_header(column, at) for column in layout.readings} - {None}
+    if len(units) > 1:
         raise InputError(
-            f"{at}: its columns of readings have units {' and '.join(sorted(map(str, found)))}; "
+            f"{at}: its columns of readings have units {' and '.join(sorted(map(str, units)))}; "
             "give one unit, or state columns"
         )
-    unit = found.pop() if found else None
+    unit = units.pop() if units else None
     if unit and sheet.unit and unit != sheet.unit:
         raise InputError(
             f"{at}: the header gives the readings in {unit}, and unit = {shown(sheet.unit)} is "
@@ -108,10 +108,12 @@ def _unit(points: Sequence[Point], layout: Layout, sheet: CurveSheet) -> str:
     for point in points:
         number = cells.number(point.reading.text)
         if number is not None and number.unit:
-            own = READINGS.named(number.unit)
-            unit = unit or own
-            if own != unit:
-                raise point.reading.refuse(f"is in {own}, and its column in {unit}; mend one")
+            unit_of_cell = READINGS.named(number.unit)
+            unit = unit or unit_of_cell
+            if unit_of_cell != unit:
+                raise point.reading.refuse(
+                    f"is in {unit_of_cell}, and its column in {unit}; mend one"
+                )
     if unit is None and column.role == "sedimentation_ratio":
         # As a number; percents would be refused as above the height.
         unit = "%" if column.heading.words & vocabulary.PERCENT else "1"
@@ -154,14 +156,14 @@ def _errors(
     points: Sequence[Point], layout: Layout, sheet: CurveSheet, unit: str, mark: str
 ) -> list[float]:
     """Standard deviations in the unit of the readings; NaN where none is given."""
-    own, factor = unit, 1.0
+    unit_of_errors, factor = unit, 1.0
     if layout.errors and layout.errors[0].heading.unit:
-        own = _of_header(layout.errors[0], points[0].reading.at) or unit
-        factor = _factor(own, unit, layout.errors[0].named, points[0].reading.at)
+        unit_of_errors = _of_header(layout.errors[0], points[0].reading.at) or unit
+        factor = _factor(unit_of_errors, unit, layout.errors[0].named, points[0].reading.at)
     stated = math.nan if sheet.standard_deviation is None else sheet.standard_deviation
     errors = []
     for point in points:
-        error = factor * _number(point.error, own, mark) if point.error else stated
+        error = factor * _number(point.error, unit_of_errors, mark) if point.error else stated
         if error <= 0:
             raise InputError(
                 f"{point.reading.at}: standard_deviation = {error:g} must be above zero; give the "
@@ -172,11 +174,12 @@ def _errors(
     return errors
 
 
-def _factor(own: str, unit: str, named: str, at: str) -> float:
+def _factor(unit_of_errors: str, unit: str, named: str, at: str) -> float:
     """From the unit of the errors to that of the readings."""
     for units in (HEIGHT_UNITS, VOLUME_UNITS, RATIO_UNITS):
-        if own in units and unit in units:
-            return units[own] / units[unit]
+        if unit_of_errors in units and unit in units:
+            return units[unit_of_errors] / units[unit]
     raise InputError(
-        f"{at}: column {shown(named)} is in {own}, and the readings in {unit}; give errors in that"
+        f"{at}: column {shown(named)} is in {unit_of_errors}, and the readings in {unit}; give "
+        "errors in that"
     )

@@ -80,24 +80,24 @@ def read(
     """
     table = only_table(
         rows.tables(sheet, folder),
-        lambda one: bool(layout(one, sheet).rows),
+        lambda table: bool(layout(table, sheet).rows),
         folder / sheet.file,
         "several sheets of velocities",
         "no sheet with concentration and velocity",
     )
-    found = layout(table, sheet)
+    columns = layout(table, sheet)
     kind = concentrations.kind_as_stated(
-        kind_of(found.concentration.written),
+        kind_of(columns.concentration.written),
         sheet.concentration,
-        found.concentration.named,
-        found.at,
+        columns.concentration.named,
+        columns.at,
     )
-    unit, quantity = _unit(found, sheet), _quantity(found, sheet)
-    mark = decimals.decimal_mark(_cells(table, found), table.delimiter, sheet.decimal)
+    unit, quantity = _unit(columns, sheet), _quantity(columns, sheet)
+    mark = decimals.decimal_mark(_cells(table, columns), table.delimiter, sheet.decimal)
     readings: list[Velocity] = []
     left_out: list[int] = []
-    for row in found.rows:
-        of_row = _of_row(table, row, found, mark)
+    for row in columns.rows:
+        of_row = _of_row(table, row, columns, mark)
         if not of_row:
             left_out.append(row.number)
         for concentration, value, own_error in of_row:
@@ -105,7 +105,7 @@ def read(
                 share = fraction(kind, concentration)
             except InputError as refusal:
                 raise InputError(f"{table.at(row)}: {refusal}") from None
-            error = _error(own_error, value, found, sheet, unit)
+            error = _error(own_error, value, columns, sheet, unit)
             scale = unit.factor / (share if quantity == "flux" else 1.0)
             readings.append(
                 Velocity(concentration, share, value * scale, error * scale, row.number)
@@ -116,55 +116,63 @@ def read(
             f"concentration and a {quantity}"
         )
     refuse_some_errors(
-        [one.error for one in readings], [table.at(Row(one.row, [])) for one in readings]
+        [reading.error for reading in readings],
+        [table.at(Row(reading.row, [])) for reading in readings],
     )
-    told = _understood(sheet, table, found, readings, kind, unit, quantity, tuple(left_out), mark)
-    return Velocities(readings, VelocityUnit(unit.name), kind, told)
+    understood = _understood(
+        sheet, table, columns, readings, kind, unit, quantity, tuple(left_out), mark
+    )
+    return Velocities(readings, VelocityUnit(unit.name), kind, understood)
 
 
-def _unit(found: VelocityLayout, sheet: VelocitiesSheet) -> VelocityUnit:
+def _unit(columns: VelocityLayout, sheet: VelocitiesSheet) -> VelocityUnit:
     """The unit of the readings: of the header, or as stated."""
-    column = found.readings[0]
+    column = columns.readings[0]
     stated = velocity_unit(sheet.unit) if sheet.unit else None
     if column.unit and stated and column.unit != stated:
-        raise _contradiction(found, column, f"in {column.unit.written}", "unit", sheet.unit)
+        raise _contradiction(columns, column, f"in {column.unit.written}", "unit", sheet.unit)
     unit = column.unit or stated
     if unit is None:
         raise InputError(
-            f"{found.at}: column {shown(column.named)} has no unit of a velocity; write it into "
+            f"{columns.at}: column {shown(column.named)} has no unit of a velocity; write it into "
             f'the header, as in "{column.role} (mm/s)", or give unit, such as {EXAMPLES}'
         )
     return unit
 
 
 def _contradiction(
-    found: VelocityLayout, column: VelocityColumn, said: str, key: str, stated: str | None
+    columns: VelocityLayout, column: VelocityColumn, header_says: str, key: str, stated: str | None
 ) -> InputError:
     """The error of a header that says another thing than the experiment file."""
     return InputError(
-        f"{found.at}: column {shown(column.named)} is {said}, and {key} = {shown(stated)} is "
+        f"{columns.at}: column {shown(column.named)} is {header_says}, and {key} = "
+        f"{shown(stated)} is "
         f"stated; mend the header, or take {key} away"
     )
 
 
-def _quantity(found: VelocityLayout, sheet: VelocitiesSheet) -> str:
+def _quantity(columns: VelocityLayout, sheet: VelocitiesSheet) -> str:
     """`velocity` or `flux`, from the header or as stated."""
-    column = found.readings[0]
+    column = columns.readings[0]
     quantity = sheet.quantity or column.role or "velocity"
     named = named_quantity(column.written)
     if named and named != quantity:
         raise InputError(
-            f"{found.at}: column {shown(column.named)} is a {named}, and {quantity} is stated; "
+            f"{columns.at}: column {shown(column.named)} is a {named}, and {quantity} is stated; "
             "mend the header, or take that away"
         )
     return quantity
 
 
-def _cells(table: Table, found: VelocityLayout) -> list[Cell]:
+def _cells(table: Table, layout_of_file: VelocityLayout) -> list[Cell]:
     """All cells that are read."""
-    columns = [found.concentration, *found.readings, *([found.error] if found.error else [])]
-    every = [_cell(table, row, column) for row in found.rows for column in columns]
-    return [cell for cell in every if not cells.is_missing(cell.text)]
+    columns = [
+        layout_of_file.concentration,
+        *layout_of_file.readings,
+        *([layout_of_file.error] if layout_of_file.error else []),
+    ]
+    found_cells = [_cell(table, row, column) for row in layout_of_file.rows for column in columns]
+    return [cell for cell in found_cells if not cells.is_missing(cell.text)]
 
 
 def _cell(table: Table, row: Row, column: VelocityColumn) -> Cell:
@@ -172,40 +180,44 @@ def _cell(table: Table, row: Row, column: VelocityColumn) -> Cell:
 
 
 def _of_row(
-    table: Table, row: Row, found: VelocityLayout, mark: str
+    table: Table, row: Row, columns: VelocityLayout, mark: str
 ) -> list[tuple[float, float, float]]:
     """Concentration, reading and error, NaN without one, of each repeat; [] of a row without."""
-    refuse_wider(table.at(row), row, found.width)
-    concentration = _cell(table, row, found.concentration)
-    readings = [_cell(table, row, one) for one in found.readings]
-    readings = [one for one in readings if not cells.is_missing(one.text)]
+    refuse_wider(table.at(row), row, columns.width)
+    concentration = _cell(table, row, columns.concentration)
+    readings = [_cell(table, row, column) for column in columns.readings]
+    readings = [reading for reading in readings if not cells.is_missing(reading.text)]
     if cells.is_missing(concentration.text) or not readings:
         return []
     at = _number(concentration, mark)
-    values = [_number(one, mark) for one in readings]
+    values = [_number(reading, mark) for reading in readings]
     if at == 0.0 and not any(values):
         return []  # a flux begins at nothing
     error = math.nan
-    if found.error and not cells.is_missing(row.cell(found.error.place)):
-        error = _above_zero(_cell(table, row, found.error), mark)
+    if columns.error and not cells.is_missing(row.cell(columns.error.place)):
+        error = _above_zero(_cell(table, row, columns.error), mark)
     at = _above_zero(concentration, mark)
-    return [(at, _above_zero(one, mark), error) for one in readings]
+    return [(at, _above_zero(reading, mark), error) for reading in readings]
 
 
 def _error(
-    own: float, value: float, found: VelocityLayout, sheet: VelocitiesSheet, unit: VelocityUnit
+    error_of_row: float,
+    value: float,
+    columns: VelocityLayout,
+    sheet: VelocitiesSheet,
+    unit: VelocityUnit,
 ) -> float:
     """The standard deviation of a reading in its unit: that of its row, or as stated; else NaN."""
-    if math.isnan(own):
+    if math.isnan(error_of_row):
         if sheet.relative_standard_deviation is not None:
             return sheet.relative_standard_deviation * value
         return math.nan if sheet.standard_deviation is None else sheet.standard_deviation
-    column = found.error
+    column = columns.error
     if column is not None and "%" in column.written:
-        return own / 100.0 * value
+        return error_of_row / 100.0 * value
     if column is not None and column.unit is not None:
-        return own * (column.unit.factor * column.unit.si) / (unit.factor * unit.si)
-    return own
+        return error_of_row * (column.unit.factor * column.unit.si) / (unit.factor * unit.si)
+    return error_of_row
 
 
 def _number(cell: Cell, mark: str) -> float:
@@ -227,7 +239,7 @@ def _above_zero(cell: Cell, mark: str) -> float:
 def _understood(
     sheet: VelocitiesSheet,
     table: Table,
-    found: VelocityLayout,
+    layout_of_file: VelocityLayout,
     readings: list[Velocity],
     kind: str,
     unit: VelocityUnit,
@@ -236,13 +248,13 @@ def _understood(
     mark: str,
 ) -> VelocitiesUnderstood:
     """Record of how the file was read."""
-    errors = [one.error for one in readings]
+    errors = [reading.error for reading in readings]
     return VelocitiesUnderstood(
         file=sheet.file,
         read_as=table.facts | ({"decimal": "decimal commas"} if mark == "," else {}),
         columns={
-            "concentration": shown(found.concentration.named),
-            quantity: " and ".join(shown(one.named) for one in found.readings),
+            "concentration": shown(layout_of_file.concentration.named),
+            quantity: " and ".join(shown(column.named) for column in layout_of_file.readings),
         },
         quantity=quantity,
         concentration=kind,
@@ -254,7 +266,7 @@ def _understood(
         velocity_unit=unit.name,
         errors="estimated" if any(map(math.isnan, errors)) else "stated",
         standard_deviation=None if any(map(math.isnan, errors)) else (min(errors), max(errors)),
-        ignored_columns=tuple(one.named for one in found.others),
+        ignored_columns=tuple(column.named for column in layout_of_file.others),
         left_out=left_out,
         row_word=table.word,
     )

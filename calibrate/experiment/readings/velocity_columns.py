@@ -58,7 +58,7 @@ def layout(table: Table, sheet: VelocitiesSheet) -> VelocityLayout:
     """
     row, rows = header(table, _accepts)
     at = table.at(row or (table.rows[0] if table.rows else Row(1, [])))
-    width = max((one.width for one in ([row] if row else rows[:1])), default=0)
+    width = max((line.width for line in ([row] if row else rows[:1])), default=0)
     columns = [_column(place, row.cell(place) if row else "") for place in range(width)]
     chosen = {role: _stated(role, sheet, columns, at) for role in get_args(Role)}
     if row is None and not any(chosen.values()) and width == 2:
@@ -68,19 +68,23 @@ def layout(table: Table, sheet: VelocitiesSheet) -> VelocityLayout:
     if not concentrations or not readings:
         raise InputError(_without(columns, at))
     role: Role = "flux" if chosen["flux"] and not chosen["velocity"] else "velocity"
-    readings = [one._replace(role=role if one in chosen[role] else one.role) for one in readings]
+    readings = [
+        column._replace(role=role if column in chosen[role] else column.role) for column in readings
+    ]
     errors = chosen["standard_deviation"] or [
-        one for one in columns if one.role == "standard_deviation"
+        column for column in columns if column.role == "standard_deviation"
     ]
     if len(errors) > 1:
         raise InputError(
             f"{at}: {_listed(errors)} may be the errors; state columns = {{standard_deviation = "
             f"{shown(errors[0].named)}}}"
         )
-    used = [one.place for one in (*concentrations, *readings, *errors)]
+    used = [column.place for column in (*concentrations, *readings, *errors)]
     if len(set(used)) < len(used):
         raise InputError(f"{at}: columns has one twice; mend it")
-    others = [one for one in columns if one.place not in used and (one.written or row is None)]
+    others = [
+        column for column in columns if column.place not in used and (column.written or row is None)
+    ]
     error = errors[0] if errors else None
     return VelocityLayout(concentrations[0], readings, error, others, width, rows, at)
 
@@ -121,25 +125,25 @@ def _stated(
     role: Role, sheet: VelocitiesSheet, columns: list[VelocityColumn], at: str
 ) -> list[VelocityColumn]:
     """The columns that the experiment file states for a role."""
-    given = getattr(sheet.columns, role)
-    found: list[VelocityColumn] = []
-    for one in given if isinstance(given, list) else [given]:
-        if one is None:
+    named = getattr(sheet.columns, role)
+    chosen: list[VelocityColumn] = []
+    for name in named if isinstance(named, list) else [named]:
+        if name is None:
             continue
         fits = [
             column
             for column in columns
-            if (column.place + 1 == one if isinstance(one, int) else _is_named(column, one))
+            if (column.place + 1 == name if isinstance(name, int) else _is_named(column, name))
         ]
         if len(fits) != 1:
             count = "no column" if not fits else f"{len(fits)} columns"
             raise InputError(
-                f"{at}: columns.{role} = {shown(one)}: there is {count} of it; give a name or "
+                f"{at}: columns.{role} = {shown(name)}: there is {count} of it; give a name or "
                 "number of the header, which is "
                 f"{_listed(columns)}"
             )
-        found += fits
-    return found
+        chosen += fits
+    return chosen
 
 
 def _is_named(column: VelocityColumn, name: str) -> bool:
@@ -152,14 +156,15 @@ def _concentrations(
     columns: list[VelocityColumn], sheet: VelocitiesSheet, at: str
 ) -> list[VelocityColumn]:
     """The column of concentrations: that of the stated kind where there are several."""
-    found = [one for one in columns if one.role == "concentration"]
-    of_kind = [one for one in found if kind_of(one.written) == sheet.concentration]
-    if len(found) > 1 and len(of_kind) != 1:
+    candidates = [column for column in columns if column.role == "concentration"]
+    of_kind = [column for column in candidates if kind_of(column.written) == sheet.concentration]
+    if len(candidates) > 1 and len(of_kind) != 1:
         raise InputError(
-            f"{at}: {_listed(found)} may be the concentration; state columns = {{concentration = "
-            f"{shown(found[0].named)}}}"
+            f"{at}: {_listed(candidates)} may be the concentration; state columns = "
+            f"{{concentration = "
+            f"{shown(candidates[0].named)}}}"
         )
-    return of_kind if len(found) > 1 else found
+    return of_kind if len(candidates) > 1 else candidates
 
 
 def _readings(
@@ -167,27 +172,30 @@ def _readings(
 ) -> list[VelocityColumn]:
     """The columns of velocities or fluxes, which have one name and one unit."""
     for role in [sheet.quantity] if sheet.quantity else OF_READINGS:
-        found = [one for one in columns if one.role == role]
-        found = found or [one for one in columns if sheet.quantity and one.role in OF_READINGS]
-        if len({(one.base, one.unit) for one in found}) > 1:
+        candidates = [column for column in columns if column.role == role]
+        candidates = candidates or [
+            column for column in columns if sheet.quantity and column.role in OF_READINGS
+        ]
+        if len({(column.base, column.unit) for column in candidates}) > 1:
             raise InputError(
-                f"{at}: {_listed(found)} may be the {role}; state columns = {{{role} = "
-                f"{shown(found[0].named)}}}, or a list of repeats"
+                f"{at}: {_listed(candidates)} may be the {role}; state columns = {{{role} = "
+                f"{shown(candidates[0].named)}}}, or a list of repeats"
             )
-        if found:
-            return found
+        if candidates:
+            return candidates
     return []
 
 
 def _listed(columns: list[VelocityColumn]) -> str:
-    names = [shown(one.named) for one in columns[:4]]
+    names = [shown(column.named) for column in columns[:4]]
     return " and ".join(names) if len(columns) <= 4 else ", ".join(names) + ", ..."
 
 
 def _without(columns: list[VelocityColumn], at: str) -> str:
-    named = any(one.written for one in columns)
-    said = shown(", ".join(one.written for one in columns[:4])) if named else "missing"
+    named = any(column.written for column in columns)
+    header_text = shown(", ".join(column.written for column in columns[:4])) if named else "missing"
     return (
-        f"{at}: the header is {said}; give a concentration and one of velocity or flux, or state "
+        f"{at}: the header is {header_text}; give a concentration and one of velocity or flux, or "
+        "state "
         f"{EXAMPLE}"
     )

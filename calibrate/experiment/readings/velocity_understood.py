@@ -28,7 +28,7 @@ class VelocitiesUnderstood(FileUnderstood):
 
     def _read(self) -> str:
         of_flux = " as flux over volume fraction" if self.quantity == "flux" else ""
-        first, last = (f"{one:.6g} {self.velocity_unit}" for one in self.velocities)
+        first, last = (f"{velocity:.6g} {self.velocity_unit}" for velocity in self.velocities)
         return (
             f"{self.concentration} from {self.columns['concentration']}, velocity{of_flux}, in "
             f"{self.unit}, from {self.columns[self.quantity]}; {self.readings} readings, {first} "

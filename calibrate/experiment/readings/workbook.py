@@ -44,9 +44,12 @@ def tables(content: bytes, path: Path, stated: str | int | None) -> list[Table]:
         if unpacked > MOST_UNPACKED:
             raise InputError(f"{path}: is larger than {MOST_UNPACKED / 1e6:g} MB unpacked")
         book = openpyxl.load_workbook(io.BytesIO(content), data_only=True, read_only=True)
-        sheets = {one.title: one for one in book.worksheets}
+        sheets = {worksheet.title: worksheet for worksheet in book.worksheets}
         chosen = _chosen(sheets, stated, path)
-        found = [_table(one, f"{path}, sheet {shown(name)}", name) for name, one in chosen.items()]
+        found_tables = [
+            _table(worksheet, f"{path}, sheet {shown(name)}", name)
+            for name, worksheet in chosen.items()
+        ]
         book.close()
     except InputError:
         raise
@@ -55,7 +58,7 @@ def tables(content: bytes, path: Path, stated: str | int | None) -> list[Table]:
             f"{path}: cannot be read as a workbook ({type(error).__name__}); save it again as "
             ".xlsx or CSV"
         ) from None
-    return [table for table in found if table.rows] or found[:1]
+    return [table for table in found_tables if table.rows] or found_tables[:1]
 
 
 def _chosen(sheets: dict[str, Any], stated: str | int | None, path: Path) -> dict[str, Any]:
@@ -78,7 +81,7 @@ def _table(sheet: Any, path: str, name: str) -> Table:
 
 def _rows(sheet: Any, path: str) -> Iterator[Row]:
     for number, row in enumerate(sheet.iter_rows(max_col=MOST_CELLS + 1), start=1):
-        cells = [_shown(one.value, getattr(one, "number_format", "")) for one in row]
+        cells = [_shown(cell.value, getattr(cell, "number_format", "")) for cell in row]
         while cells and not cells[-1]:
             cells.pop()
         refuse_wide(f"{path}, row {number}", len(cells), 2)

@@ -37,8 +37,10 @@ def main() -> None:
             hindrance=true.hindrance,
             cells=CELLS,
         )
-        read = np.asarray(settled.mudline) + ERROR * random.standard_normal(READINGS)
-        lines = [f"{hour:.4g},{1e3 * height:.1f}" for hour, height in zip(hours, read, strict=True)]
+        readings = np.asarray(settled.mudline) + ERROR * random.standard_normal(READINGS)
+        lines = [
+            f"{hour:.4g},{1e3 * height:.1f}" for hour, height in zip(hours, readings, strict=True)
+        ]
         text = "\n".join(["# Synthetic: no laboratory measured this.", "time,mudline", *lines, ""])
         (Path(__file__).parent / f"{sample.name}.csv").write_text(text, encoding="utf-8")
 
