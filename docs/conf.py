@@ -99,6 +99,15 @@ def _marked(line: str) -> str:
     return re.sub(r"(^ *|: )(\w)\.$", r"\1\\\2.", "".join(pieces))
 
 
+STUDY = re.compile(r"\]\((?:\.\./)+tests/studies/(?:benchmarks/)?(\w+)/README\.md")
+
+
+def with_links_of_the_site(_app, _name, source: list[str]) -> None:
+    """Pages link to the measurements where these lie in the repository; here they are pages."""
+    source[0] = STUDY.sub(r"](/studies/\1.md", source[0])
+
+
 def setup(app) -> None:
     """Called by Sphinx."""
+    app.connect("source-read", with_links_of_the_site)
     app.connect("autodoc-process-docstring", as_restructured_text, priority=400)  # Napoleon: 500

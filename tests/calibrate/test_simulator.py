@@ -21,7 +21,7 @@ TIMES = np.linspace(0.0, 5.0, 12)
 READINGS = 3.0 * np.exp(-0.7 * TIMES) + 0.05 * np.cos(7.0 * np.arange(12))
 PARAMETERS = {"a": 1.0, "k": 1.0}
 BLOCKS = re.findall(
-    r"```python\n(.*?)```", (ROOT / "docs/own_simulator.md").read_text("utf-8"), re.S
+    r"```python\n(.*?)```", (ROOT / "docs/guides/own_simulator.md").read_text("utf-8"), re.S
 )
 
 

@@ -16,7 +16,7 @@ from tests.builders import ROOT
 
 DOCS = ROOT / "docs"
 REFERENCE = "".join(page.read_text("utf-8") for page in sorted((DOCS / "reference").glob("*.rst")))
-EQUATIONS = (DOCS / "equations.md").read_text("utf-8")
+EQUATIONS = (DOCS / "explanations" / "equations.md").read_text("utf-8")
 
 
 def resolved(name: str):
@@ -70,7 +70,7 @@ def test_equations_and_functions_name_each_other():
 
 
 def test_every_number_with_a_bound_is_on_the_page_of_validity():
-    page = (DOCS / "validity.md").read_text("utf-8")
+    page = (DOCS / "explanations" / "validity.md").read_text("utf-8")
     parameters = mrjax.Recipe.load("case2").parameters()
     numbers = dimensionless.numbers(parameters, mrjax.terminal_velocity(parameters))
     for one in numbers:

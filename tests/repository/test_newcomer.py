@@ -20,7 +20,7 @@ from calibrate.__main__ import cli
 from tests.builders import ROOT
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-SECTION = README.split("## From nothing to a fitted result\n")[1].split("\n## ")[0]
+SECTION = README.split("## From nothing to a fit\n")[1].split("\n## ")[0]
 SCRIPTS = sysconfig.get_path("scripts")
 
 installed = pytest.mark.skipif(

@@ -12,6 +12,7 @@ from tests.builders import ROOT
 
 FOLDER = ROOT / "notebooks"
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+GETTING_STARTED = (ROOT / "docs/getting_started.md").read_text(encoding="utf-8")
 NAMES = (
     "first_settling",
     "paper_reproduced",
@@ -40,10 +41,10 @@ def code(notebook):
     return [cell for cell in notebook.cells if cell.cell_type == "code"]
 
 
-def test_these_are_all_of_them_and_the_readme_lists_them():
+def test_these_are_all_of_them_and_getting_started_lists_them():
     assert {path.stem for path in FOLDER.glob("*.ipynb")} == set(NAMES)
     for name in NAMES:
-        assert f"[`{name}`](notebooks/{name}.ipynb)" in README
+        assert f"[`{name}`](../notebooks/{name}.ipynb)" in GETTING_STARTED
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -1,6 +1,5 @@
 """Where fits begin: chalk, whose curve has several optima, from starts three decades apart."""
 
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,6 +13,7 @@ from calibrate.problem.initial_slope import initial_slope, with_initial_slopes
 from calibrate.problem.problem import Problem
 from calibrate.problem.solve import fit_experiment
 from mrjax import InputError, terminal_velocity
+from tests.builders import ROOT
 
 CHALK = """
 name = "chalk"
@@ -66,7 +66,7 @@ BETTER = 110.0
 def chalk(tmp_path):
     """Loads the experiment, with parts of its text in the place of others."""
     (tmp_path / "chalk.toml").write_text(CHALK)
-    (tmp_path / "chalk.csv").write_text(Path(__file__).with_name("chalk.csv").read_text("utf-8"))
+    (tmp_path / "chalk.csv").write_text((ROOT / "notebooks/chalk/chalk.csv").read_text("utf-8"))
 
     def loaded(*changes):
         text = TUBE
