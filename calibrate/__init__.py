@@ -1,6 +1,6 @@
-"""Fits the simulator to measurements, and says what the data determine.
+"""Fits the simulator to measurements, and reports what the data determine.
 
-The public names are those of `__init__.pyi`, each imported when it is first used.
+The public names are in `__init__.pyi`; each is imported at its first use.
 """
 
 import importlib
@@ -8,7 +8,7 @@ from typing import Any
 
 import lazy_loader
 
-import mrjax  # noqa: F401 - has to come before JAX, so that it can hush it
+import mrjax  # noqa: F401 - sets up JAX before JAX is imported
 from calibrate import aliases
 from mrjax.core.aliases import install
 

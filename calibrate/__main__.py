@@ -1,4 +1,4 @@
-"""`mrjax-calibrate`: fits the drag factors of an experiment."""
+"""The command `mrjax-calibrate`: fits the parameters of an experiment."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def _new_experiment(context: click.Context, _option: click.Parameter, file: Path | None) -> None:
-    """Writes the template and its readings, and ends."""
+    """Writes the template and its readings, and exits."""
     if file is None or context.resilient_parsing:
         return
     if file.suffix != ".toml":
@@ -35,7 +35,7 @@ def _new_experiment(context: click.Context, _option: click.Parameter, file: Path
     template = template.replace('"template.csv"', in_toml(readings.name))
     templates.write_new({file: template, readings: example})
     echo(
-        f"Put your readings into {readings}, and into {file} what they are of; then: "
+        f"Put your readings into {readings}, and describe your sample in {file}; then: "
         f"mrjax-calibrate {file} --model column"
     )
     context.exit()
@@ -43,11 +43,11 @@ def _new_experiment(context: click.Context, _option: click.Parameter, file: Path
 
 @click.command(
     epilog=EXIT_STATUS,
-    help="""Fits an EXPERIMENT, bundled (fang2005, synthetic) or a TOML file of samples and
+    help="""Fits an EXPERIMENT: a bundled one (fang2005, synthetic), or a TOML file of samples and
     parameters.
 
-    Writes fit.json, report.md, report.html and figures; until then, what --resume goes on from in
-    DIR/checkpoint.
+    Writes fit.json, report.md, report.html and figures. Until it is done, DIR/checkpoint stores the
+    work that --resume goes on from.
 
     \b
     Examples:
@@ -68,7 +68,7 @@ def _new_experiment(context: click.Context, _option: click.Parameter, file: Path
     expose_value=False,
     callback=_new_experiment,
     metavar="FILE",
-    help="Writes a commented experiment to FILE, to start from, and readings beside it; then ends.",
+    help="Writes a commented template to FILE, with example readings beside it, and exits.",
 )
 @click.argument("experiment", shell_complete=sheet_names("calibrate.experiment.bundled"))
 @options.out_option("fit")
@@ -82,20 +82,20 @@ def _new_experiment(context: click.Context, _option: click.Parameter, file: Path
 @click.option(
     "--begin-with",
     type=click.Choice(["column", "closed-form"]),
-    help="A cheaper model that is fitted first; the other begins where it ends.",
+    help="A cheaper model that is fitted first; --model then starts at its optimum.",
 )
 @click.option(
     "--starts",
     default=1,
     show_default=True,
     type=click.IntRange(1, 1000),
-    help="Searches from as many points, drawn from the priors; the best is kept.",
+    help="Number of searches, from points drawn from the priors; the best is kept.",
 )
 @click.option(
     "--robust",
     type=options.Finite(0, min_open=True),
     metavar="SIGMAS",
-    help="Residuals beyond this count linearly, so that outliers pull less.",
+    help="Residuals beyond this count linearly, so that outliers have less weight.",
 )
 @click.option("--posterior", is_flag=True, help="Samples the posterior; needs mrjax[posterior].")
 @click.option("--leave-one-out", is_flag=True, help="Predicts each sample from the others, too.")
@@ -103,9 +103,11 @@ def _new_experiment(context: click.Context, _option: click.Parameter, file: Path
     "--predict",
     metavar="RECIPE",
     shell_complete=sheet_names("mrjax.recipe.bundled"),
-    help="Predicts a recipe that was not measured.",
+    help="Predicts a recipe without measurements.",
 )
-@click.option("--like", metavar="SAMPLE", help="The sample whose parameters that recipe shares.")
+@click.option(
+    "--like", metavar="SAMPLE", help="The sample whose parameters the recipe of --predict shares."
+)
 @options.pdf_option
 @options.resume_option
 @options.seed_option
@@ -169,7 +171,7 @@ def cli(
 
 
 def _print(result: dict[str, Any], folder: Path) -> None:
-    """Prints what was found, a sentence a line."""
+    """Prints the results, one sentence a line."""
     from calibrate import report
 
     for line in report.in_words(result):
@@ -206,36 +208,36 @@ def _refuse_untrusted(calibration: "Calibration", result: dict[str, Any], folder
     """Refuses a result that is not to be trusted.
 
     Raises:
-      SimulationError: why it is not.
+      SimulationError: it is not; the message says why.
     """
     from calibrate import report
 
     if not calibration.fit.converged:
         raise SimulationError(
-            f"the fit did not converge in {calibration.fit.model_runs} model runs; what {folder} "
-            "holds is marked so: start nearer, or check the data for values that contradict each "
-            "other"
+            f"the fit did not converge in {calibration.fit.model_runs} model runs; the results in "
+            f"{folder} are marked so: start nearer, or check the data for values that contradict "
+            "each other"
         )
     if result["contradicts"]:
         raise SimulationError(
             "the data contradict the model, or each other: p "
             f"{report.by_chance(result['p_value'])}, and residuals are "
-            f"{result['residuals_over_range']:.2g} of the range of the readings; what {folder} "
-            "holds is marked so: check values and units, or give larger errors"
+            f"{result['residuals_over_range']:.2g} of the range of the readings; the results in "
+            f"{folder} are marked so: check values and units, or give larger errors"
         )
     if calibration.faults:
         raise calibration.faults[0]
     if calibration.posterior is not None and not calibration.posterior.converged:
         raise SimulationError(
-            f"the samples of the posterior did not converge; what {folder} holds of them is marked "
-            "so: give narrower priors"
+            f"the samples of the posterior did not converge; those in {folder} are marked so: give "
+            "narrower priors"
         )
 
 
 def _refuse_options(
     model: str, begin_with: str | None, predict: str | None, like: str | None
 ) -> None:
-    """Refuses options that mean nothing together."""
+    """Refuses combinations of options without a meaning."""
     if like is not None and predict is None:
         raise InputError(
             f"--like {like}: says whose parameters a new recipe shares; give --predict"
@@ -248,7 +250,7 @@ def _refuse_options(
 
 
 def _recipe(experiment: "Experiment", recipe: str, like: str | None) -> "Recipe":
-    """The recipe to be predicted."""
+    """Loads the recipe to be predicted."""
     from mrjax import Recipe
 
     if like is None:

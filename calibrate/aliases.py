@@ -1,4 +1,4 @@
-"""Names of modules from before the rooms: one table, so that old imports keep working.
+"""Old names of modules, so that old imports keep working.
 
 `import calibrate.fitted` and `from calibrate.fitted import Fitted` give the module that took over.
 New code uses the new names.
@@ -27,6 +27,6 @@ OLD_NAMES = {
     "units": "experiment.units",
     "waiting": "least_squares.interruptible",
 }
-"""Today's name within the package, by the old one."""
+"""Current name within the package, by old name."""
 FUNCTIONS = ("fit", "identify")
-"""Old names that are functions of the package, too: these come first."""
+"""Old names of modules that are also functions of the package; the function has priority."""

@@ -1,4 +1,4 @@
-"""The whole workflow: an experiment fitted, what follows from the fit, and the report of it."""
+"""The whole workflow: the fit of an experiment, the analysis of the fit, and the report."""
 
 import time
 from collections.abc import Iterator
@@ -34,7 +34,7 @@ from mrjax.io.files import result_folder
 from mrjax.io.versions import versions
 
 CHECKPOINTS = "fit", "posterior", "left-out", "forecast"
-"""Folders of a checkpoint, one for each stage that takes long."""
+"""Folders of a checkpoint, one for each long stage."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Options:
     begin_with: str | ForwardModelMaker | None = None
     """A cheaper model that is fitted first."""
     starts: int = 1
-    """Searches from as many points; the best is kept."""
+    """Number of searches, each from another point; the best is kept."""
     seed: int = 0
     """Seed of further starts, of simulated suspensions and of the posterior."""
     robust: float | None = None
@@ -56,7 +56,7 @@ class Options:
     leave_one_out: bool = False
     """True to predict each sample from the others."""
     predict: Recipe | None = None
-    """A recipe that was not measured, to be predicted."""
+    """A recipe without measurements, to be predicted."""
     like: str | None = None
     """The sample whose parameters that recipe shares."""
 
@@ -72,11 +72,11 @@ class Options:
         return {name: getattr(self, name) for name in names}
 
     def refuse(self, experiment: Experiment) -> None:
-        """Refuses options that this experiment cannot be calibrated with.
+        """Refuses options that do not suit the experiment.
 
         Raises:
-          InputError: nothing is left to fit where a sample is left out, samples of a posterior need
-            a package that is not installed, or the recipe is like no sample.
+          InputError: nothing would remain to fit without one of the samples, a package for samples
+            of the posterior is missing, or `like` names no sample.
         """
         if isinstance(experiment, SimulatedExperiment):
             self._refuse_for_simulator()
@@ -88,10 +88,10 @@ class Options:
             forecast.sample_like(experiment, self.predict, self.like or "")
 
     def _refuse_for_simulator(self) -> None:
-        """Refuses options that are of experiments with samples.
+        """Refuses options that are only for experiments with samples.
 
         Raises:
-          InputError: one is given.
+          InputError: such an option is given.
         """
         for name in ("model", "begin_with", "leave_one_out", "predict", "like"):
             if getattr(self, name) != getattr(Options, name):
@@ -103,7 +103,7 @@ class Options:
 
 @dataclass(frozen=True)
 class Calibration:
-    """A fitted experiment, and what follows from the fit."""
+    """A fitted experiment, and the analysis of its fit."""
 
     experiment: Experiment
     options: Options
@@ -113,25 +113,25 @@ class Calibration:
     identification: Identification
     """Values and combinations that the data determine."""
     predictions: np.ndarray
-    """Predicted values at the end of the fit, each in the unit of its measurement, (M,)."""
+    """Predicted values at the fit, each in the unit of its measurement, (M,)."""
     profiles: tuple[Profile, ...] = ()
-    """None where the fit did not converge."""
+    """Profiles of the values; empty if the fit did not converge."""
     unchanged: tuple[str, ...] = ()
-    """Null directions along which predictions do not change at a distance, either."""
+    """Null directions along which predictions do not change far from the fit, either."""
     curves: tuple[PredictedCurve, ...] = ()
-    """Predicted curves, between the readings too."""
+    """Predicted curves, at the readings and between them."""
     posterior: Posterior | None = None
     left_out: tuple[Forecast, ...] | None = None
-    """Each sample from the others."""
+    """Forecasts of each sample from the others."""
     new: tuple[Forecast, ...] | None = None
-    """The recipe that was not measured."""
+    """Forecasts of the recipe without measurements."""
     faults: tuple[Exception, ...] = ()
-    """Faults that were met after the fit, in the order of the work."""
+    """Errors after the fit, in the order of the work."""
     wall_seconds: float = 0.0
-    """Time that all of it took, s."""
+    """Time of the whole calibration, s."""
 
     def tables(self) -> dict[str, Any]:
-        """All of it as plain tables, as in `fit.json`."""
+        """The calibration as plain tables: the contents of `fit.json`."""
         result = report.summary(
             self.problem,
             self.fit,
@@ -168,7 +168,7 @@ class Calibration:
         return _name(self.options.model)
 
     def _contact_notes(self) -> list[str]:
-        """Assumptions for the samples whose particles were run."""
+        """Notes on contacts, for the samples whose particles were simulated."""
         return [
             f"sample {sample.name}: {note}"
             for sample in self.experiment.samples
@@ -182,12 +182,12 @@ class Calibration:
         """Writes `fit.json`, the report and its figures.
 
         Args:
-          folder: for them; made if need be.
+          folder: target folder; it is created if it is missing.
           pdf: whether to write figures as PDF, too.
           progress: whether to show a progress bar, on standard error.
 
         Returns:
-          `tables`, as written.
+          the contents of `tables`, as they were written.
 
         Raises:
           SystemRefusal: the system refuses a file.
@@ -216,21 +216,21 @@ def run(
     checkpoint: str | Path | None = None,
     progress: bool = False,
 ) -> Calibration:
-    """The whole workflow of `mrjax-calibrate`: a fit, and what follows from it.
+    """Fits an experiment, analyses the fit and makes forecasts: the workflow of `mrjax-calibrate`.
 
     Args:
-      experiment: samples and parameters, the name or file that they are loaded from, or a
-        simulator of one's own, which is its own model.
+      experiment: samples and parameters, the name or file to load them from, or a simulator of
+        your own, which is its own model.
       model: forward model, as for `Problem.prepare`.
       begin_with: a cheaper model that is fitted first.
-      starts: searches from as many points; the best is kept.
-      seed: of further starts, of simulated suspensions and of the posterior.
+      starts: number of searches, each from another point; the best is kept.
+      seed: seed of further starts, of simulated suspensions and of the posterior.
       robust: standard deviations beyond which residuals count linearly.
       posterior: whether to sample the posterior.
       leave_one_out: whether to predict each sample from the others, too.
-      predict: a recipe that was not measured, to be predicted.
+      predict: a recipe without measurements, to be predicted.
       like: the sample whose parameters that recipe shares.
-      checkpoint: folder that keeps what was done, as for `fit_experiment`.
+      checkpoint: folder that stores the finished work, as for `fit_experiment`.
       progress: whether to show a progress bar for every stage, on standard error.
 
     Returns:
@@ -238,11 +238,11 @@ def run(
 
     Raises:
       InputError: options, a suspension or a model that cannot be used for this experiment.
-      SimulationError: the fit ended where nothing can be predicted.
+      SimulationError: the fit ended where the model gives no prediction.
 
     Example:
-      >>> found = calibrate.run("fang2005", model="closed-form")
-      >>> found.fit.converged, found.identification.combinations[0].expression
+      >>> calibration = calibrate.run("fang2005", model="closed-form")
+      >>> calibration.fit.converged, calibration.identification.combinations[0].expression
       (True, 'f_w * f_s')
     """
     began = time.perf_counter()
@@ -283,14 +283,14 @@ def run(
         unchanged,
         predicted_curves(problem, fit),
     )
-    calibration = _with_what_is_asked(calibration, folders, progress)
+    calibration = _with_samples_and_forecasts(calibration, folders, progress)
     return replace(calibration, wall_seconds=time.perf_counter() - began)
 
 
 def _fitted(
     experiment: Experiment, options: Options, progress: bool, folder: Path | None
 ) -> tuple[Problem, Fit]:
-    """The fit, and the problem whose residuals it knows."""
+    """Fits an experiment or a simulator; gives the fitted problem, and the fit."""
     common: dict[str, Any] = options.fit_options | {"progress": progress, "checkpoint": folder}
     if isinstance(experiment, SimulatedExperiment):
         del common["begin_with"]
@@ -298,10 +298,10 @@ def _fitted(
     return fit_experiment(experiment, options.model, **common)
 
 
-def _with_what_is_asked(
+def _with_samples_and_forecasts(
     calibration: Calibration, folders: dict[str, Path | None], progress: bool
 ) -> Calibration:
-    """The calibration with samples and forecasts; what goes wrong with them is among its faults."""
+    """The calibration with the requested samples and forecasts; their errors are its faults."""
     options, experiment, fit = calibration.options, calibration.experiment, calibration.fit
     faults: list[Exception] = []
     results: dict[str, Any] = {}
@@ -343,7 +343,7 @@ def _with_what_is_asked(
 
 @contextmanager
 def _collected(faults: list[Exception]) -> Iterator[None]:
-    """Puts what goes wrong within among the faults."""
+    """Collects the errors of the work within as faults."""
     try:
         yield
     except (InputError, SimulationError) as error:

@@ -232,10 +232,9 @@ def _absurd_speed(sample: Sample, suspension: Suspension) -> Iterator[str]:
             if not 1.0 / ABSURD < ratio < ABSURD:
                 yield (
                     f"sample {sample.name!r}: initial_velocity = {measurement.value:g} "
-                    f"{measurement.unit}{where} "
-                    f"is {ratio:.2g} times what its recipe gives with the medians, "
-                    f"{expected_here / measurement.si:.2g} {measurement.unit}: check unit, "
-                    "viscosity and diameter"
+                    f"{measurement.unit}{where} is {ratio:.2g} times what its recipe gives with "
+                    f"the medians, {expected_here / measurement.si:.2g} {measurement.unit}: check "
+                    "unit, viscosity and diameter"
                 )
                 break
     fastest = max((_speed(sample, measurement) for measurement in sample.measurements), default=0.0)

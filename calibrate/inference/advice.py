@@ -1,9 +1,9 @@
-"""What may be wrong where data and model do not agree, as far as residuals tell.
+"""Possible causes of a misfit, as suggested by the residuals.
 
-Of a curve: a bed that yields falls on where the model is at rest; a delay shows by first readings
-that fall behind and then catch up; residuals that go on from one to the next by a closure that
-bends otherwise. Of anything: a speed that a unit or a power of ten brings much nearer to the one
-of the recipe.
+For a curve there are three. A bed that yields goes on falling when the model is at rest. After a
+delay the first readings lag behind and later ones catch up. A closure of another shape leaves
+residuals that change smoothly from one reading to the next. For any measurement there is one more:
+another unit, or a power of ten, brings its speed much nearer to that of the recipe.
 """
 
 from collections.abc import Iterator, Mapping
@@ -22,40 +22,41 @@ from calibrate.problem.problem import Problem
 from mrjax import terminal_velocity
 
 STANDS_OUT, MOST = 3.0, 3
-"""Standard deviations from which a reading stands out, and how many are named."""
+"""Residual from which a reading stands out, and the most readings that are named."""
 SIGNIFICANT = 3.0
-"""Standard deviations of a difference that is none of noise."""
+"""Difference, in standard deviations, above which it is no noise."""
 AT_REST = 0.01
-"""Part of a predicted fall that is left where the model is at rest."""
+"""Share of the predicted fall that is left when the model counts as at rest."""
 SHARE_OF_FALL = 1.0 / 3.0
-"""Part of a measured fall up to which a predicted one is next to nothing."""
+"""Ratio of predicted to measured fall below which the predicted one is negligible."""
 SLOWER = 0.7
-"""Part of the steepest speed below which a curve begins slowly."""
+"""Ratio of the first to the highest speed below which a curve begins slowly."""
 FAR, NEARER = np.log(5.0), 0.5
-"""Logarithm of a speed over the recipe's that is far, and the part of it that a factor may leave
-which brings it much nearer."""
+"""Logarithm of measured over expected speed above which they are far apart, and the share of it
+that a correction may leave."""
 UNLIKELY = 2.0
-"""Standard deviations of a speed, by the priors, within which no unit is doubted."""
+"""Deviation of a speed, in standard deviations of the priors, up to which no unit is doubted."""
 FEWEST = 6
-"""Readings of a curve from which its shape tells something."""
+"""Fewest readings of a curve whose shape is judged."""
 SMOOTH = 0.7
-"""Durbin and Watson's statistic, 2 of noise, below which residuals are none: ten are in 1 %."""
+"""Durbin-Watson statistic below which residuals are no noise, for which it is 2. For ten residuals
+of noise it is below in 1 % of cases."""
 POWERS = (-6, -5, -4, -3, -2, -1, 1, 2, 3, 4, 5, 6)
 
 
 def stand_out(residuals: np.ndarray) -> list[int]:
-    """Places of the readings that are farthest off, the farthest first, of residuals (M,)."""
+    """Indices of the largest residuals that stand out, the largest first, of residuals (M,)."""
     order = np.argsort(-np.abs(residuals), kind="stable")[:MOST]
     return [int(place) for place in order if abs(residuals[place]) >= STANDS_OUT]
 
 
 def advice(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[str]:
-    """What may be wrong, sample by sample; empty where residuals tell nothing.
+    """Sentences on possible causes of a misfit, sample by sample; empty if nothing is suggested.
 
     Args:
-      problem: what was fitted.
-      fit: how it ended.
-      predicted: each in its unit, (M,).
+      problem: the fitted problem.
+      fit: its fit.
+      predicted: predictions, each in its unit, (M,).
     """
     sentences: list[str] = []
     for sample, place in problem.experiment.by_sample():
@@ -67,14 +68,15 @@ def advice(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[str]:
 
 
 class _Curve(NamedTuple):
-    """A curve in the order of its times, one reading a time."""
+    """A curve in the order of its times, with the mean reading at each time."""
 
     times: np.ndarray
-    """s, (T,)."""
+    """Times, s, (T,)."""
     measured: np.ndarray
     predicted: np.ndarray
-    """(T,) each, in the unit of the readings."""
+    """Measured and predicted values, (T,) each, in the unit of the readings."""
     errors: np.ndarray
+    """Standard deviations of the measured values, (T,)."""
     top: float
     """Height of the suspension in that unit."""
 
@@ -99,20 +101,20 @@ def _curve(sample: Sample, predicted: np.ndarray) -> _Curve | None:
 
 
 def _of_shape(curve: _Curve) -> Iterator[str]:
-    """What the residuals of a curve look like."""
+    """Sentences on the shape of the residuals of a curve."""
     if _falls_on(curve):
         yield (
-            "its last readings fall on where the model is at rest: a bed that yields under its "
-            "weight, or fines that are still on their way"
+            "its last readings go on falling when the model is at rest: a bed that yields under "
+            "its weight, or fines that still settle"
         )
     elif _begins_slowly(curve):
-        yield "it begins slower than it falls later: a delay, as flocs need that still grow"
+        yield "it falls slower at first than later: a delay, such as of flocs that still grow"
     elif _bends(curve):
-        yield "between its ends it bends otherwise than the model: another closure or exponent"
+        yield "between its ends it has another shape than the model: another closure or exponent"
 
 
 def _falls_on(curve: _Curve) -> bool:
-    """True if the measured curve falls where the predicted one rests."""
+    """True if the measured curve goes on falling when the predicted one is at rest."""
     end = curve.predicted[-1]
     rests = curve.predicted <= end + AT_REST * (curve.top - end)
     late = np.flatnonzero(rests)
@@ -129,7 +131,7 @@ def _falls_on(curve: _Curve) -> bool:
 
 
 def _begins_slowly(curve: _Curve) -> bool:
-    """True if first readings are above the model, and fall slower than later ones."""
+    """True if the first reading is above the model, and the curve falls slower there than later."""
     times, heights, errors = curve.times, curve.measured, curve.errors
     if times[0] > 0.0:
         times = np.append(0.0, times)
@@ -147,14 +149,14 @@ def _begins_slowly(curve: _Curve) -> bool:
 
 
 def _bends(curve: _Curve) -> bool:
-    """True if residuals are large and go on from one to the next, as those of noise do not."""
+    """True if residuals are large and change smoothly from one to the next, unlike noise."""
     residuals = (curve.predicted - curve.measured) / curve.errors
     large = np.mean(residuals**2) > LARGEST_CHI_SQUARED
     return bool(large and np.sum(np.diff(residuals) ** 2) < SMOOTH * np.sum(residuals**2))
 
 
 def _of_unit(experiment: Experiment, sample: Sample) -> Iterator[str]:
-    """Factors that bring the speed of a sample much nearer to what the priors say."""
+    """Sentences on units and factors that bring the speed of a sample much nearer to the priors."""
     expected, spread = _believed_speed(experiment, sample)
     slope = initial_slope(sample)
     if slope is not None and sample.curve is not None:
@@ -203,15 +205,16 @@ def _alike(unit: str, other: str) -> bool:
 def _nearer(
     name: str, ratio: float, spread: float, quantity: str, stated_unit: str, units: dict[str, float]
 ) -> Iterator[str]:
-    """Sentences on a speed that is some times that of the recipe.
+    """Sentences on a speed far from that of the recipe, if a unit or power of ten explains it.
 
     Args:
-      name: of the sample.
+      name: name of the sample.
       ratio: speed of the readings over that of the recipe with the medians.
-      spread: standard deviation of its logarithm by the priors.
+      spread: standard deviation of its logarithm, from the priors.
       quantity: the times or velocity whose unit may be wrong, in words.
       stated_unit: unit of that quantity in the file.
-      units: speed over that in other units, by name.
+      units: factor on the speed by which it is too large if the quantity is in another unit, by
+        name of that unit.
     """
     if not 0.0 < ratio < np.inf or abs(np.log(ratio)) < max(FAR, UNLIKELY * spread):
         return

@@ -1,7 +1,7 @@
-"""Null directions of a Jacobian, asked again far from the fit.
+"""A check far from the fit of the null directions of its Jacobian.
 
-A null direction of the Jacobian is local: along it predictions do not change near the fit. That
-they do not change at all is said where they were computed again at a distance.
+A null direction is local: along it predictions do not change near the fit. The report says that
+they do not change at all only if they were computed again at a distance.
 """
 
 import numpy as np
@@ -12,19 +12,19 @@ from calibrate.least_squares.interruptible import stoppable
 from mrjax.core.promotion import relaxed_promotion
 
 FACTOR = 10.0
-"""On the value that changes most, either way."""
+"""Factor on the value that changes most, up and down."""
 UNCHANGED = 0.01
-"""Largest change of a prediction that is none; in standard deviations of its reading."""
+"""Change of a prediction that counts as none, in standard deviations of its measurement."""
 
 
 def unchanged_at_a_distance(fit: Fit, identification: Identification) -> tuple[str, ...]:
-    """The null directions along which predictions are those of the fit a factor of ten away, too.
+    """Null directions along which predictions do not change up to a factor of ten away.
 
-    Both ways, or as far as the bounds let each value go. Two runs of the model for each direction.
+    Both signs are checked, as far as the bounds allow, with one run of the model each.
 
     Args:
-      fit: where to begin.
-      identification: of it.
+      fit: the fit.
+      identification: identification of the fit.
     """
     directions = zip(identification.null_directions, identification.null_exponents, strict=True)
     with stoppable(), relaxed_promotion():

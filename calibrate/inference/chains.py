@@ -1,8 +1,8 @@
-"""Chains of NUTS (blackjax) side by side, piece by piece.
+"""Chains of NUTS (blackjax), side by side and in pieces.
 
-One compiled program takes so many steps from where the chains are; how many is an argument of it,
-so that the draws do not depend on the pieces. Every step has a random key of its own. The warm-up
-is Stan's: it adapts the step size, and in growing windows the mass matrix.
+One compiled program advances all chains by a number of steps. The number is an argument of the
+program, so that the draws do not depend on the pieces. Every step has a random key of its own. The
+warm-up is Stan's: it adapts the step size and, in growing windows, the mass matrix.
 """
 
 import time
@@ -19,46 +19,47 @@ from calibrate.least_squares.interruptible import wait_for
 from mrjax.core import randomness
 
 DURATION = 0.5
-"""Of a piece, s, about: within it nobody looks whether to stop."""
+"""Approximate duration of a piece, s. Ctrl-C is noticed between two pieces."""
 MOST = 50
-"""Steps of a piece."""
+"""Most steps of a piece."""
 FASTER = 4
-"""How many times longer a piece may be than the one before."""
+"""Largest ratio of the steps of a piece to those of the piece before."""
 ACCEPTANCE = 0.95
-"""Wanted of the steps: at 0.8 some diverge in valleys that bend, or at bounds."""
+"""Target acceptance rate. At 0.8 some steps diverge in valleys that bend, or at bounds."""
 
 
 Home = Callable[[Array, Array], tuple[Array, Array]]
-"""Positions and gradients, (P,), of one place in place of those of another that is like it."""
+"""Function from a position and its gradient, (P,) each, to an equivalent position and gradient."""
 
 
 class Chain(NamedTuple):
-    """One chain between two steps."""
+    """State of a chain, or of several, between two steps."""
 
     state: Any
     step_size: Any  # dual averaging
-    mass: Any  # matrix, and what it is adapted from
+    mass: Any  # mass matrix, and the state of its adaptation
 
 
 class Piece(NamedTuple):
-    """Some steps of C chains."""
+    """K steps of C chains."""
 
     positions: np.ndarray
-    """(C, K, P)."""
+    """Positions after each step, (C, K, P)."""
     divergent: np.ndarray
-    """(C, K)."""
+    """True for divergent steps, (C, K)."""
 
 
 class Sampler:
-    """Chains of a density from a seed.
+    """A sampler of a density by chains of NUTS.
 
     Args:
-      log_density: of a position, (P,).
-      positions: where its chains begin, (C, P).
-      seed: of all random numbers.
-      warm_up: steps by which the chains are adapted.
-      draws: steps after those.
-      home: takes a position and the gradient there to where the density is the same, nearer.
+      log_density: function from a position, (P,), to the log-density.
+      positions: first positions of the chains, (C, P).
+      seed: seed of all random numbers.
+      warm_up: number of steps that adapt the chains.
+      draws: number of steps after the warm-up.
+      home: function that moves a position and its gradient into the bounds, to a position of the
+        same density.
     """
 
     def __init__(
@@ -96,15 +97,20 @@ class Sampler:
         return self._begin(self._first)
 
     def restored(self, arrays: dict[str, np.ndarray]) -> Chain:
-        """Chains of which `arrays` was kept."""
+        """Chains from their stored arrays."""
         like = jax.eval_shape(self._begin, self._first)
         leaves = [jnp.asarray(arrays[str(place)]) for place in range(len(arrays))]
         return jax.tree.unflatten(jax.tree.structure(like), leaves)
 
     def pieces(self, chains: Chain, done: int, most: int = MOST) -> Iterator[tuple[Chain, Piece]]:
-        """All further steps of chains that have done some.
+        """Yields all further steps of the chains, piece by piece.
 
-        A piece ends with a multiple of `most` steps, at the latest.
+        A piece ends at a multiple of `most` steps at the latest.
+
+        Args:
+          chains: the chains.
+          done: number of steps that they have done.
+          most: most steps of a piece.
         """
         number, known = 1, 0.0
         while done < self.length:
@@ -121,13 +127,13 @@ class Sampler:
                     np.asarray(divergent)[:number].T,
                 ),
             )
-            # The first piece was compiled, too.
+            # The time of the first piece includes its compilation.
             longest = FASTER * number if known else 1
             number, known = max(1, min(longest, int(DURATION / took), most)), took
 
 
 def arrays(chains: Chain) -> dict[str, np.ndarray]:
-    """Chains as arrays to be kept."""
+    """Chains as arrays, for a checkpoint."""
     return {str(place): np.asarray(leaf) for place, leaf in enumerate(jax.tree.leaves(chains))}
 
 
@@ -149,7 +155,7 @@ def _begun(log_density: Callable, position: Array) -> Chain:
 
 
 def _plain(chains: Chain) -> Chain:
-    """The same numbers, of types that stand for themselves: others would be compiled for anew."""
+    """The same numbers with strong types: weak types would be compiled again."""
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.result_type(leaf)), chains)
 
 
@@ -164,7 +170,11 @@ def _advanced(
     done: Array,
     number: Array,
 ) -> tuple[Chain, Array, Array]:
-    """Chains `number` steps on; positions, (MOST, C, P), and divergences, (MOST, C), on the way."""
+    """Advances chains by `number` steps.
+
+    Returns:
+      the chains, the positions after each step, (MOST, C, P), and divergences, (MOST, C).
+    """
     step = jax.vmap(partial(_stepped, log_density, home), in_axes=(0, 0, None, None))
     count = keys.shape[1]
 
@@ -182,9 +192,9 @@ def _advanced(
 def _stepped(
     log_density: Callable, home: Home, chain: Chain, key: Array, window: Array, adapting: Array
 ) -> tuple[Chain, Array]:
-    """A chain one step on, adapted in the warm-up, and whether the step was divergent.
+    """Advances a chain by one step, and adapts it in the warm-up; True for a divergent step.
 
-    `window`: whether the mass matrix learns from this step, and whether it is replaced after it.
+    `window` has two flags: the mass matrix learns from this step; it is replaced after this step.
     """
     import blackjax
 

@@ -5,7 +5,7 @@ import numpy as np
 from calibrate.least_squares.fit import Fit
 
 RANK_TOLERANCE = 1e-6
-"""Singular values below this part of the largest count as zero: a direction in which the data
+"""Singular values below this share of the largest count as zero. Along such a direction the data
 would have to be a million times better to say anything."""
 
 UNKNOWN = 10.0
@@ -16,19 +16,19 @@ def information(fit: Fit, error_scale: float = 1.0) -> np.ndarray:
     """Half the curvature of chi-squared, data and priors together, in the logarithms; (P, P).
 
     Args:
-      fit: where it ended.
-      error_scale: how many times as large as stated the errors of the readings are.
+      fit: the fit.
+      error_scale: factor on the errors of the measurements.
     """
     return fit.jacobian.T @ fit.jacobian / error_scale**2 + np.diag(fit.prior_precision)
 
 
 def covariance(information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Covariance of the logarithms, (P, P), and the directions, (P, K), that nothing bounds.
+    """Covariance of the logarithms, (P, P), and the unbounded directions, (P, K).
 
-    Those are left out of the covariance.
+    The covariance leaves the unbounded directions out.
 
     Args:
-      information: (P, P).
+      information: half the curvature of chi-squared, (P, P).
     """
     if not np.isfinite(information).all():
         return np.zeros_like(information), np.eye(len(information))
@@ -39,10 +39,10 @@ def covariance(information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def standard_errors(fit: Fit, error_scale: float = 1.0) -> dict[str, float]:
-    """Standard errors of the values, by slopes of the data and priors together.
+    """Standard errors of the values, by the slopes of data and priors together.
 
     Args:
-      fit: where it ended.
+      fit: the fit.
       error_scale: as for `information`.
     """
     spread, unbounded = covariance(information(fit, error_scale))

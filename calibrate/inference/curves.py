@@ -1,4 +1,4 @@
-"""Predicted curves at many times, between the readings too, with the errors of the fit."""
+"""Predicted curves at the times of the readings and between them, with standard errors."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -14,8 +14,8 @@ from calibrate.problem.problem import Problem
 from mrjax.core.promotion import relaxed_promotion
 
 SHARE = 0.1
-"""Step of central differences, in standard deviations of a direction of the fit's covariance: along
-a single value, predictions may change far more than its error lets them."""
+"""Step of central differences, in standard deviations along a principal direction of the
+covariance. Along a single value, predictions may change far more than its error allows."""
 
 
 class PredictedCurve(NamedTuple):
@@ -25,21 +25,21 @@ class PredictedCurve(NamedTuple):
     observable: str
     """`mudline` or `sedimentation_ratio`."""
     unit: str
-    """That of its readings."""
+    """Unit of the readings."""
     times: np.ndarray
-    """(T,) in s."""
+    """Times, s, (T,)."""
     predicted: np.ndarray
-    """(T,) in `unit`."""
+    """Predicted values, (T,) in `unit`."""
     standard_error: np.ndarray
-    """Standard errors by data and priors, (T,) in `unit`."""
+    """Standard errors, from data and priors together, (T,) in `unit`."""
 
 
 def predicted_curves(problem: Problem, fit: Fit) -> tuple[PredictedCurve, ...]:
-    """The curve of each sample that has one.
+    """The predicted curve of each sample that has a curve.
 
     Args:
-      problem: what was fitted.
-      fit: where it ended.
+      problem: the fitted problem.
+      fit: its fit.
     """
     curves = problem.curves
     if not curves:
@@ -68,7 +68,7 @@ def predicted_curves(problem: Problem, fit: Fit) -> tuple[PredictedCurve, ...]:
 def _change(
     at: Callable[[np.ndarray], np.ndarray], best: np.ndarray, deviation: np.ndarray
 ) -> np.ndarray:
-    """Change of predictions over a deviation, (P,): by differences of fourth order, (T,)."""
+    """Change of predictions, (T,), over a deviation, (P,), by differences of fourth order."""
     step = SHARE * deviation
     near, far = (at(best + n * step) - at(best - n * step) for n in (1.0, 2.0))
     return (8.0 * near - far) / (12.0 * SHARE)

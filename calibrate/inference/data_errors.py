@@ -1,9 +1,9 @@
-"""The errors that the data alone leave, by profile likelihood.
+"""Errors by the data alone, without priors, from profile likelihoods.
 
-The error of a product of powers, c . ln theta, is half the width of the interval about the optimum
-of the data in which chi-squared of the measurements rises by less than one, all else free. The
-curvature at the fit gives it where residuals are straight; a bed that the mudline has not reached,
-or a valley that bends, has another.
+The error of a product of powers, c . ln theta, is half the width of an interval about the optimum
+of the data. Within it the chi-squared of the measurements, minimised over all else, rises by less
+than one. If residuals are linear, the curvature at the fit gives the same error. It does not in a
+valley that bends, or for a bed that the mudline has not reached.
 """
 
 from typing import NamedTuple
@@ -20,41 +20,43 @@ from calibrate.least_squares.levenberg import Point, minimise
 from mrjax.core.promotion import relaxed_promotion
 
 NEAR = 0.03
-"""Of the root of the rise to one, at which the end of an interval is read off."""
+"""Distance of the root of the rise from one below which a point is the end of an interval."""
 MOST_POINTS = 40
-"""At which the rise is looked at, to either side."""
+"""Most points of the profile on each side."""
 MOST_STEPS = 30
-"""Of everything else, at each of them: too few would make the rise too great."""
+"""Most steps of all other values at each point; too few would make the rise too large."""
 FOLLOWS_FAR = 10.0
-"""How many times farther what ends at its bound has gone where it hardly matters to a value."""
+"""A value at its bound that moved this many times farther than the product hardly influences it."""
 AT_BOUND = 1e-9
-"""Distance of a logarithm to its bound."""
+"""Distance of a logarithm to its bound below which it is at the bound."""
 ALL_OVER = (-3.0, -2.0, -1.0, -0.5, 0.5, 1.0, 2.0, 3.0)
-"""Widths of its prior by which a value is moved that the data do not see near the fit."""
+"""Trial changes of a value that the data do not see near the fit, in widths of its prior."""
 FARTHER = 2.0
-"""How many times longer the next step may be."""
+"""Largest ratio of a step to the one before."""
 TOO_FAR, TOO_LONG = 3.0, 0.3
-"""Root of a rise from which a step was too long, and what is left of it."""
+"""Root of the rise above which a step was too long, and the factor that then shortens it."""
 
 
 class Valley(NamedTuple):
-    """The optimum of the data alone near a fit, or of the rest where something is held."""
+    """An optimum of the data alone, of all values or of the others while one product is held."""
 
     logs: np.ndarray
-    """(P,)."""
+    """Logarithms of the values, (P,)."""
     loss: float
     """Half of chi-squared of the measurements."""
 
 
 def data_errors(fit: Fit, directions: np.ndarray, level: float) -> np.ndarray:
-    """Errors by the data alone of products of powers, in their logarithms, (K,).
+    """Errors by the data alone of the logarithms of products of powers, (K,).
 
-    Infinite where chi-squared does not rise by one within a factor of e^10 or the bounds.
+    An error is infinite if chi-squared does not rise by `level` within a factor of e^10 or within
+    the bounds.
 
     Args:
-      fit: where it ended.
-      directions: exponents, of length one each, (K, P).
-      level: the rise of chi-squared; above one where stated errors are too small.
+      fit: the fit.
+      directions: exponents of the products, unit vectors, (K, P).
+      level: rise of chi-squared at the ends of an interval; above one if the errors of the
+        measurements are too small.
     """
     if not np.isfinite(fit.jacobian).all() or not np.isfinite(fit.residuals).all():
         return np.full(len(directions), np.inf)
@@ -73,7 +75,7 @@ def _error(fit: Fit, best: Valley, direction: np.ndarray, level: float) -> float
 
 
 def _straight(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, float]:
-    """Where a straight valley leads for a unit of a product, (P,), and how far it rises by one."""
+    """Direction of a straight valley per unit of a product, (P,); distance to a rise of one."""
     jacobian = fit.at(logs).jacobian[: fit.residuals.size]
     if not np.isfinite(jacobian).all():
         return direction, 1.0
@@ -87,33 +89,33 @@ def _straight(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> tuple[np.nda
 
 
 def _end(fit: Fit, best: Valley, direction: np.ndarray, sign: float, level: float) -> float:
-    """Distance from the optimum at which chi-squared has risen by a level; infinite if nowhere.
+    """Distance from the optimum at which chi-squared has risen by `level`; infinite if it does not.
 
     Args:
-      fit: where it ended.
+      fit: the fit.
       best: the optimum of the data.
-      direction: what is held, (P,).
+      direction: exponents of the held product, (P,).
       sign: -1 or 1, the side of the optimum.
-      level: the rise.
+      level: rise of chi-squared.
     """
     free, box = _others(fit, direction)
     farthest = min(UNKNOWN, _room(fit, best.logs, sign * direction))
     inner, last = (0.0, 0.0), best.logs  # distance, root of the rise there, and the valley
     tangent, first = _straight(fit, last, direction)
-    elsewhere = _elsewhere(fit, best.logs, direction)
+    unseen_changes = _unseen_changes(fit, best.logs, direction)
     step = first * level**0.5
     for _ in range(MOST_POINTS):
         distance = min(inner[0] + step, farthest)
         step = distance - inner[0]
         trial = fit.box.clip(last + sign * step * tangent)
-        if box is not None:  # one value is held, to the last digit
+        if box is not None:  # a single value is held exactly
             place = int(np.argmax(np.abs(direction)))
             trial[place] = best.logs[place] + sign * distance * direction[place]
         valley = _least(fit, trial, free, box)
         root = _root(valley, best, level)
-        if root > 1.0 - NEAR:  # an end, unless what is not seen near the fit makes up for it
+        if root > 1.0 - NEAR:  # an end, unless unseen values can compensate
             alternatives = (
-                _least(fit, fit.box.clip(trial + change), free, box) for change in elsewhere
+                _least(fit, fit.box.clip(trial + change), free, box) for change in unseen_changes
             )
             valley = min([valley, *alternatives], key=lambda other: other.loss)
             root = _root(valley, best, level)
@@ -129,7 +131,7 @@ def _end(fit: Fit, best: Valley, direction: np.ndarray, sign: float, level: floa
             if step < NEAR * distance:
                 # A wall: chi-squared jumps within a step too short to resolve.
                 return distance if _by_data(fit, best.logs, valley.logs, direction) else np.inf
-            # What rises so much may be no valley: a step that was too long left it.
+            # A large rise may mean that a long step has left the valley.
             step *= (1.0 - inner[1]) / (root - inner[1]) if root < TOO_FAR else TOO_LONG
     return np.inf
 
@@ -139,10 +141,10 @@ def _root(valley: Valley, best: Valley, level: float) -> float:
     return max(2.0 * (valley.loss - best.loss) / level, 0.0) ** 0.5
 
 
-def _elsewhere(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> list[np.ndarray]:
-    """Changes of values that the data do not see near the fit, all over their priors, (P,) each.
+def _unseen_changes(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> list[np.ndarray]:
+    """Trial changes of values that the data do not see near the fit, over their whole priors, (P,).
 
-    A bed that no reading has met makes up for a wrong velocity where it is higher.
+    A bed below all readings is such a value: a higher bed could compensate for a wrong velocity.
     """
     jacobian = fit.at(logs).jacobian[: fit.residuals.size]
     seen = np.linalg.norm(jacobian, axis=0)
@@ -154,16 +156,15 @@ def _elsewhere(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> list[np.nda
 
 
 def _by_data(fit: Fit, best: np.ndarray, logs: np.ndarray, direction: np.ndarray) -> bool:
-    """True if the data made a rise, and not the bounds of what follows.
+    """True if the data caused a rise of chi-squared, and not the bounds of the other values.
 
-    What has gone to its bound, ten times as far as the product that is held, hardly matters
-    to that.
+    A value that reached its bound ten times as far away as the held product hardly influences it.
 
     Args:
-      fit: knows the bounds.
-      best: the optimum of the data, (P,).
-      logs: where chi-squared has risen, (P,).
-      direction: what is held, (P,).
+      fit: the fit, with its bounds.
+      best: logarithms at the optimum of the data, (P,).
+      logs: logarithms at which chi-squared has risen, (P,).
+      direction: exponents of the held product, (P,).
     """
     lower, upper = (np.broadcast_to(end, logs.shape) for end in fit.box)
     follows = np.abs(direction) < 1.0 - RANK_TOLERANCE
@@ -173,7 +174,7 @@ def _by_data(fit: Fit, best: np.ndarray, logs: np.ndarray, direction: np.ndarray
 
 
 def _others(fit: Fit, direction: np.ndarray) -> tuple[np.ndarray, Bounds | None]:
-    """Directions that are free where one is held, (P, P - 1), and bounds where these are values."""
+    """Free directions beside a held one, (P, P - 1), and their bounds if they are single values."""
     alone = np.abs(direction) > 1.0 - RANK_TOLERANCE
     if not alone.any():
         return null_space(direction[None]), None
@@ -183,7 +184,7 @@ def _others(fit: Fit, direction: np.ndarray) -> tuple[np.ndarray, Bounds | None]
 
 
 def _room(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> float:
-    """Distance up to which the bounds let a value go that is held alone."""
+    """Distance to the bound of a single held value; infinite for a product of several."""
     place = int(np.argmax(np.abs(direction)))
     if abs(direction[place]) < 1.0 - RANK_TOLERANCE:
         return np.inf
@@ -193,14 +194,14 @@ def _room(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> float:
 
 
 def _least(fit: Fit, logs: np.ndarray, free: np.ndarray, box: Bounds | None) -> Valley:
-    """The least sum of squares of the measurements, from a place and along what is free.
+    """The least sum of squares of the measurements along the free directions.
 
     Args:
-      fit: knows the residuals.
-      logs: where to begin, (P,).
-      free: directions that are free, (P, F).
-      box: bounds of these; None where they are no values: then nothing beyond those of the fit is
-        asked for.
+      fit: the fit, with its residuals.
+      logs: logarithms at the start, (P,).
+      free: free directions, (P, F).
+      box: bounds along these; None if they are no single values: points beyond the bounds of the
+        fit are then refused.
     """
     count = fit.residuals.size
 

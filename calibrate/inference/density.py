@@ -1,10 +1,10 @@
-"""The density of a posterior in the logarithms of the values, but for a constant factor.
+"""The density of a posterior in the logarithms of the values, up to a constant factor.
 
-With known errors it is exp(-chi^2 / 2), priors among the residuals. Two things make it another.
-Readings whose common scale s is estimated with the fit: s is summed over, with Jeffreys' prior
-1 / s, which leaves (sum r^2)^(-n / 2) of n such residuals, Student's t. A value between bounds
-without a prior, whose x = share / (1 - share): it is believed to be anywhere between them alike, so
-that ln x has the density share (1 - share).
+With known errors it is exp(-chi^2 / 2), with the priors among the residuals. Two cases differ. If
+the common scale s of n readings was estimated with the fit, s is integrated over Jeffreys' prior
+1 / s; this leaves (sum r^2)^(-n / 2) of their residuals r, Student's t. A parameter with bounds and
+without a prior is uniform between its bounds: with the odds x = share / (1 - share), ln x has the
+density share (1 - share).
 """
 
 from collections.abc import Callable
@@ -21,30 +21,32 @@ from calibrate.least_squares.bounds import Bounds
 from calibrate.least_squares.fit import Fit
 
 WIDEST = float(np.log(1e6))
-"""Distance of bounds, in logarithms, up to which they bound a value that nothing else does.
-Physical bounds of most quantities are farther apart, and nobody believes in them."""
+"""Largest distance of two bounds, in logarithms, at which they count as information on a value.
+Physical bounds of most quantities are farther apart, and say nothing about it."""
 VARIANCE_OF_LOGISTIC = np.pi**2 / 3.0
-"""Of the log-odds of a share that may be anywhere between 0 and 1."""
+"""Variance of the log-odds of a share that is uniform between 0 and 1."""
 
 
 class Density(NamedTuple):
     """The posterior of a fit in P logarithms, for M measurements and K priors."""
 
     everything: Callable[..., Array]
-    """Residuals, (M + K,), of logarithms and `given`."""
+    """Function from logarithms, (P,), and `given` to residuals and priors, (M + K,)."""
     given: Any
+    """Data and priors, as `everything` takes them."""
     box: Bounds
+    """Bounds of the logarithms."""
     scatter: tuple[np.ndarray, ...] = ()
-    """Places of measurements whose common scale is estimated."""
+    """Indices of the measurements of each group whose common scale was estimated."""
     uniform: np.ndarray = np.zeros(0, int)
-    """Places of log-odds without a prior."""
+    """Indices of the log-odds without a prior."""
 
     def holds(self, logs: np.ndarray) -> np.ndarray:
-        """True for places, (..., P), within the bounds; (...,)."""
+        """True for logarithms, (..., P), within the bounds; (...,)."""
         return np.all((logs >= self.box.lower) & (logs <= self.box.upper), axis=-1)
 
     def log_density(self, logs: ArrayLike, residuals: ArrayLike) -> Array:
-        """The logarithm of the density where residuals, (..., M + K), are known; (...,)."""
+        """Log-density, (...,), of logarithms, (..., P), with their residuals, (..., M + K)."""
         logs, residuals = jnp.asarray(logs), jnp.asarray(residuals)
         total = -0.5 * (residuals**2).sum(-1)
         for places in self.scatter:
@@ -54,9 +56,9 @@ class Density(NamedTuple):
         return total + (odds - 2.0 * jnp.logaddexp(0.0, odds)).sum(-1)
 
     def differentiable(self) -> Callable[[Array], Array]:
-        """The logarithm of the density, of logarithms, (P,), with its gradient for NUTS.
+        """The log-density as a function of logarithms, (P,), with a gradient for NUTS.
 
-        The gradient is taken forwards, as that of the fit: some models have no other.
+        The gradient is taken in forward mode, as in the fit: some models have no reverse mode.
         """
 
         def plain(logs: Array) -> Array:
@@ -78,16 +80,17 @@ class Density(NamedTuple):
         return log_density
 
     def bounded_information(self, information: np.ndarray) -> np.ndarray:
-        """Half a curvature of chi-squared, (P, P), and what bounds add to it."""
+        """Half the curvature of chi-squared, (P, P), with the information of the bounds added."""
         width = np.broadcast_to(self.box.upper - self.box.lower, len(information))
         precision = np.where(width <= WIDEST, 12.0 / width**2, 0.0)
         precision[self.uniform] = 1.0 / VARIANCE_OF_LOGISTIC
         return information + np.diag(precision)
 
     def reflected(self, logs: Array) -> Array:
-        """Logarithms, (P,), within the bounds: beyond one, the mirror image.
+        """Logarithms, (P,), reflected into the bounds.
 
-        A density of these is even about every bound, so that chains pass it as they pass any place.
+        The density of the reflected logarithms is even about every bound, so that chains cross a
+        bound as they cross any other point.
         """
         lower, upper = (np.broadcast_to(end, logs.shape) for end in self.box)
         width = upper - lower
@@ -101,7 +104,7 @@ class Density(NamedTuple):
 
 
 def unbounded(fit: Fit, density: Density) -> list[str]:
-    """Names of the values that no measurement, prior or bound keeps from running off."""
+    """Names of the values that no measurement, prior or bound limits."""
     spread, free = covariance(density.bounded_information(information(fit)))
     return [
         name

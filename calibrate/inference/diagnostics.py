@@ -1,18 +1,18 @@
-"""Agreement of chains and what their draws are worth, by `arviz-stats`.
+"""Convergence diagnostics of chains, by `arviz-stats`: R-hat and the number of effective samples.
 
 Vehtari, Gelman, Simpson, Carpenter & Buerkner, Bayesian Analysis 16, 667 (2021). Ranks make R-hat
-finite for any tail; half chains find one that drifts; distances from the median, folded, find
-chains that agree in their middle and not in their spread, such as one that never moves.
+finite for any tail. Split chains reveal a drift. Folded values, the distances from the median,
+reveal chains that agree in their middle but not in their spread, such as a chain that never moves.
 """
 
 import numpy as np
 
 
 def r_hat(draws: np.ndarray) -> np.ndarray:
-    """The greater of R-hat of values and of folded values, (P,); not a number where none moved.
+    """R-hat, (P,), the larger one of values and of folded values; NaN if no chain moved.
 
     Args:
-      draws: of C chains of N draws each, (C, N, P).
+      draws: draws of C chains, N each, (C, N, P).
     """
     from arviz_stats.base import array_stats
 
@@ -21,7 +21,7 @@ def r_hat(draws: np.ndarray) -> np.ndarray:
 
 
 def effective(draws: np.ndarray) -> np.ndarray:
-    """Independent draws that draws, (C, N, P), are worth, in their middle or tails; (P,)."""
+    """Number of effective draws, (P,), of draws (C, N, P): the smaller one of middle and tails."""
     from arviz_stats.base import array_stats
 
     axes = {"chain_axis": 0, "draw_axis": 1}

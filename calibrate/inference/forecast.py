@@ -1,8 +1,8 @@
-"""Predictions with the uncertainty of a fit, and how good they are for a sample left out.
+"""Predictions with the uncertainty of a fit, for new samples and for samples that were left out.
 
-The covariance of the logarithms at the optimum, data and priors together, is carried to the
-prediction by its derivative. What a fit leaves open and no prior bounds makes a prediction that
-depends on it as open.
+The derivative of a prediction carries the covariance of the logarithms, from data and priors
+together, to the prediction. A prediction has an infinite error if it depends on a value that
+neither fit nor prior bounds.
 """
 
 from collections import OrderedDict
@@ -33,16 +33,17 @@ from mrjax.io.checkpoint import refuse_foreign
 
 @dataclass(frozen=True)
 class Forecast:
-    """One predicted number; what was measured, if it was."""
+    """One prediction, and the measurement if there is one."""
 
     sample: str
     measurement: Measurement
-    """Its value and standard deviation are not numbers where nothing was measured."""
+    """The measurement; its value and standard deviation are NaN if nothing was measured."""
     predicted: float
     standard_error: float
-    """Standard error of the prediction, from fit and priors; infinite where neither bounds it.
+    """Standard error of the prediction, from fit and priors; infinite if neither bounds it.
 
-    Both in the unit of the measurement."""
+    Prediction and error are in the unit of the measurement.
+    """
     time: float | None = None
     """Time of a reading of a curve, or of a concentration at a height, s."""
     time_unit: str = "s"
@@ -63,18 +64,18 @@ def forecast(
     seed: int = 0,
     checkpoint: str | Path | None = None,
 ) -> list[Forecast]:
-    """Predictions of the measurements of a sample, of the experiment or new, from a fit.
+    """Predicts the measurements of a sample, of the experiment or new, from a fit.
 
     Args:
-      experiment: what was fitted; its parameters that name this sample apply to it, and those that
-        the fit does not know are taken from their priors.
-      fit: what was found.
-      sample: its measurements say what to predict.
+      experiment: the fitted experiment. Its parameters that name this sample apply to it; those
+        that were not fitted have their priors.
+      fit: the fit.
+      sample: the sample; its measurements name what to predict.
       model: as for `Problem.prepare`.
-      seed: of a suspension that is simulated.
-      checkpoint: folder that keeps a bed as it is simulated, as for `mrjax.settle`.
+      seed: seed of a simulated suspension.
+      checkpoint: folder that stores a simulated bed, as for `mrjax.settle`.
     """
-    logs, spread, open_ends = _belief(experiment, fit)
+    logs, spread, unbounded_directions = _belief(experiment, fit)
     names = list(experiment.start)
     start = OrderedDict(zip(names, np.exp(logs), strict=True))
     near = experiment.suspension_of(sample, start)
@@ -90,7 +91,7 @@ def forecast(
         slopes = np.asarray(jax.jit(jax.jacfwd(predicted))(jnp.asarray(logs)))
     errors = np.sqrt(np.einsum("mp,pq,mq->m", slopes, spread, slopes))
     size = np.linalg.norm(slopes, axis=1, keepdims=True)
-    unbounded = (np.abs(slopes @ open_ends) > RANK_TOLERANCE**0.5 * size).any(axis=1)
+    unbounded = (np.abs(slopes @ unbounded_directions) > RANK_TOLERANCE**0.5 * size).any(axis=1)
     errors[unbounded] = np.inf
     return [
         Forecast(sample.name, measurement, value, error, *_time(sample, measurement))
@@ -99,7 +100,7 @@ def forecast(
 
 
 def _time(sample: Sample, measurement: Measurement) -> tuple[float | None, str]:
-    """The time of a reading in s, None of what has none, and the unit in which it is told."""
+    """Time of a reading, s, or None, and the unit in which it is printed."""
     if measurement.point is not None:
         return measurement.point.time, measurement.point.time_unit
     time = None if measurement.place is None else sample.times[measurement.place]
@@ -114,15 +115,15 @@ def leave_one_out(
     progress: bool = False,
     **options: Any,
 ) -> list[Forecast]:
-    """Every sample, predicted from a fit to all others.
+    """Predicts every sample from a fit to all others.
 
     Args:
-      experiment: of two samples at least.
+      experiment: an experiment with at least two samples.
       model: as for `Problem.prepare`.
-      seed: of suspensions that are simulated, and of further starts.
-      checkpoint: folder that keeps what each fit has done, as for `fit_experiment`.
-      progress: whether to show a progress bar and those of the fits, on standard error.
-      options: of `fit_experiment`.
+      seed: seed of simulated suspensions, and of further starts.
+      checkpoint: folder that stores the work of each fit, as for `fit_experiment`.
+      progress: whether to show progress bars, on standard error.
+      options: further options of `fit_experiment`.
 
     Raises:
       InputError: there is only one sample, or nothing is fitted without one of them.
@@ -149,10 +150,10 @@ def leave_one_out(
 
 
 def refuse_leaving_out(experiment: Experiment) -> None:
-    """Refuses an experiment where nothing is left to fit without one of its samples.
+    """Refuses to leave samples out if nothing would remain to be fitted.
 
     Raises:
-      InputError: it is one.
+      InputError: nothing would remain.
     """
     if len(experiment.samples) < 2:
         raise InputError(f"{experiment.name}: has one sample; leaving it out leaves nothing to fit")
@@ -165,7 +166,7 @@ def refuse_leaving_out(experiment: Experiment) -> None:
 
 
 def leave_out(experiment: Experiment, name: str) -> Experiment:
-    """The experiment without a sample, and without what is fitted to that alone."""
+    """The experiment without a sample, and without parameters of that sample alone."""
     parameters = tuple(
         replace(parameter, samples=tuple(other for other in parameter.samples if other != name))
         for parameter in experiment.parameters
@@ -176,11 +177,11 @@ def leave_out(experiment: Experiment, name: str) -> Experiment:
 
 
 def sample_like(experiment: Experiment, recipe: Recipe, name: str) -> tuple[Experiment, Sample]:
-    """A new recipe as a sample to which applies what applies to one of the experiment's.
+    """A new recipe as a sample that shares the parameters of a sample of the experiment.
 
     Raises:
-      InputError: the experiment has no such sample, or what applies to it means nothing, or
-        something else, to the recipe.
+      InputError: the experiment has no such sample, or a parameter of that sample has no meaning,
+        or another one, for the recipe.
     """
     samples = {sample.name: sample for sample in experiment.samples}
     if name not in samples:
@@ -230,9 +231,9 @@ def _refuse_another_meaning(name: str, recipe: Recipe, fitted: Recipe) -> None:
 
 
 def _belief(experiment: Experiment, fit: Fit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Logarithms of all variables, (P,), their covariance, (P, P), and open directions, (P, K).
+    """Logarithms of all variables, (P,), their covariance, (P, P); unbounded directions, (P, K).
 
-    What the fit does not know has its prior.
+    Variables that were not fitted have their priors.
     """
     parameters = experiment.parameters
     strength = np.zeros((len(parameters), len(parameters)))

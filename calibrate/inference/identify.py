@@ -1,10 +1,10 @@
-"""Identifiability: which values, and which products of powers, the data determine.
+"""Identifiability: the values, and the products of powers of values, that the data determine.
 
-The singular directions of the Jacobian J of the residuals with respect to the logarithms of the
-values are the products of powers to look at. Each is determined where the error that the data alone
-leave its logarithm (`data_errors`) is small by itself, or beside what a prior says of it; and so is
-each value. Moving along the null space of J changes no prediction near the fit, and only the priors
-say where on it to be.
+Let J be the Jacobian of the residuals with respect to the logarithms of the values. Its singular
+directions are products of powers of the values. A product is determined if the error of its
+logarithm by the data alone (`data_errors`) is small, or small compared with that of its prior. The
+same holds for a single value. A change along the null space of J changes no prediction near the
+fit: there the priors alone fix the values.
 """
 
 from dataclasses import dataclass, field, replace
@@ -18,18 +18,19 @@ from calibrate.inference.products import expression, simplest_basis, without_neg
 from calibrate.least_squares.fit import Fit
 
 DETERMINED, INFORMED = 1.0 / 3.0, 2.0
-"""Largest error by the data alone over a prior's standard deviation of what is called so."""
+"""Largest error by the data alone, over the standard deviation of the prior, for these statuses."""
 
 LARGEST_CHI_SQUARED = 4.0
-"""Of a degree of freedom, two standard deviations each: beyond it a fit is called a misfit."""
+"""Chi-squared for each degree of freedom beyond which a fit is a misfit: residuals of two standard
+deviations."""
 MUCH_WIDER = 1.5
-"""Error by a profile over that by slopes from which slopes mislead."""
+"""Ratio of the error by a profile to that by slopes above which the slopes mislead."""
 NOT_EXCLUDED = 3.84
-"""Rise of chi-squared up to which the data exclude no other optimum, in 95 % of cases."""
+"""Rise of chi-squared up to which the data do not exclude another optimum, at 95 %."""
 BY_CHANCE = 1e-3
-"""p-value from which a large chi-squared of few degrees of freedom is chance."""
+"""p-value above which a large chi-squared with few degrees of freedom is chance."""
 WITHOUT_PRIOR = 0.5
-"""Largest error of a logarithm by the data alone of what is determined and has no prior."""
+"""Largest error of a logarithm by the data alone of a determined value without a prior."""
 
 
 @dataclass(frozen=True)
@@ -37,13 +38,13 @@ class Combination:
     """A product of powers of the fitted values."""
 
     expression: str
-    """In words, such as `f_w * f_s`."""
+    """The product as text, such as `f_w * f_s`."""
     exponents: dict[str, float]
     """Exponents of the values that occur in it, by name."""
     value: float
-    """At the end of the fit."""
+    """Value of the product at the fit."""
     standard_error: float
-    """From the measurements alone."""
+    """Standard error of that value, from the measurements alone."""
 
 
 @dataclass(frozen=True)
@@ -53,45 +54,48 @@ class Identification:
     singular_values: np.ndarray
     """Singular values of the Jacobian, (min(M, P),)."""
     combinations: tuple[Combination, ...]
-    """As many independent products of powers as the data determine."""
+    """Independent products of powers that the data determine."""
     null_directions: tuple[str, ...]
-    """Products of powers of which the data say nothing."""
+    """Products of powers that change no prediction near the fit."""
     determined: dict[str, bool]
-    """True where the data determine this value by itself."""
+    """True for a value that the data determine by itself."""
     standard_errors: dict[str, float]
-    """Standard error of each value, data and prior together; infinite where both are silent. By
-    slopes, or wider where a profile or another optimum is."""
+    """Standard error of each value, from data and prior together; infinite if neither bounds it. It
+    follows from slopes, and is wider if a profile or another optimum is."""
     data_standard_errors: dict[str, float]
-    """Standard error of each logarithm by the data alone: half of its 68 % profile interval, or the
-    distance to another optimum that the data do not exclude, where that is farther; infinite where
-    one end of the interval is not found."""
+    """Error of each logarithm by the data alone: half of its 68 % profile interval, or the distance
+    to another optimum that the data do not exclude, if that is larger. It is infinite if one end of
+    the interval is not found."""
     status: dict[str, str]
     """Status of each value.
 
-    With a prior, by the error that the data alone leave: `determined` up to a third of the prior's,
-    `informed` up to twice, else `prior only`; without: `determined` up to 0.5 in the logarithm,
-    else `free`.
+    It follows from the error of the logarithm by the data alone. With a prior a value is
+    `determined` up to a third of the prior's standard deviation, `informed` up to twice, and else
+    `prior only`. Without a prior it is `determined` up to 0.5, and else `free`.
     """
     weak_combinations: tuple[str, ...] = ()
-    """Products of powers of which the data say something, and too little to determine them."""
+    """Products of powers of which the data say too little to determine them."""
     near_combinations: tuple[Combination, ...] = ()
-    """Products of powers that the data determine near this fit alone: the valley bends."""
+    """Products of powers that the data determine only near this fit, because the valley bends."""
     null_exponents: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     """Exponents of the null directions, (K, P)."""
     error_scale: float = 1.0
-    """By what the errors by the data alone are scaled: above 1 where the data do not fit."""
+    """Factor on the errors by the data alone; above 1 if the data do not fit."""
     widening: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    """How many times wider profiles, by data and priors, are than slopes say, (P,); 1 or more."""
+    """Error of each value by a profile over that by slopes, data and priors together, (P,); at
+    least 1."""
 
 
 def identify(fit: Fit) -> Identification:
-    """Reads off a fit what its data determine; nothing, where a residual or slope is no number.
+    """Finds the values and combinations that the data of a fit determine.
+
+    Nothing is determined if a residual or a slope is not a number.
 
     Example:
       >>> def residuals(theta):
       ...     return (theta["a"] * theta["b"] - jnp.array([5.9, 6.1])) / 0.1
-      >>> found = calibrate.identify(calibrate.fit(residuals, {"a": 1.0, "b": 1.0}))
-      >>> [one.expression for one in found.combinations], found.null_directions
+      >>> result = calibrate.identify(calibrate.fit(residuals, {"a": 1.0, "b": 1.0}))
+      >>> [product.expression for product in result.combinations], result.null_directions
       (['a * b'], ('a / b',))
     """
     jacobian, values = fit.jacobian, fit.values
@@ -116,11 +120,11 @@ def identify(fit: Fit) -> Identification:
     near = ~seen & (near_by <= limits)
 
     def combination(exponents: np.ndarray) -> Combination:
-        exponents_in_words = without_negligible(exponents)
-        value = float(np.exp(exponents_in_words @ np.log(values)))
+        main_exponents = without_negligible(exponents)
+        value = float(np.exp(main_exponents @ np.log(values)))
         return Combination(
-            expression(fit.names, exponents_in_words),
-            {n: float(e) for n, e in zip(fit.names, exponents_in_words, strict=True) if e},
+            expression(fit.names, main_exponents),
+            {n: float(e) for n, e in zip(fit.names, main_exponents, strict=True) if e},
             value,
             value * float(np.sqrt(exponents @ from_data @ exponents)),
         )
@@ -153,7 +157,7 @@ def identify(fit: Fit) -> Identification:
 
 
 def _error_scale(fit: Fit, rank: int) -> float:
-    """By what errors are too small where the data contradict the model; else 1."""
+    """Factor by which the errors are too small if the data contradict the model; else 1."""
     free = fit.residuals.size - rank
     if free < 1 or chdtrc(free, fit.chi_squared) > BY_CHANCE:
         return 1.0
@@ -162,12 +166,12 @@ def _error_scale(fit: Fit, rank: int) -> float:
 
 
 def widened_errors(fit: Fit, widening: np.ndarray, error_scale: float = 1.0) -> dict[str, float]:
-    """Standard errors of values: by slopes, or wider where profiles or other optima are.
+    """Standard errors of the values by slopes, widened by profiles and by other optima.
 
     Args:
-      fit: where it ended.
-      widening: that of `Identification`, (P,).
-      error_scale: how many times as large as stated the errors of the readings are.
+      fit: the fit.
+      widening: `Identification.widening`, (P,).
+      error_scale: factor on the errors of the measurements.
     """
     apart = _between_optima(fit, np.eye(fit.values.size), error_scale)
     with np.errstate(divide="ignore"):
@@ -182,14 +186,16 @@ def widened_errors(fit: Fit, widening: np.ndarray, error_scale: float = 1.0) -> 
 
 
 def _widening(fit: Fit, by_data: np.ndarray, by_slopes: np.ndarray) -> np.ndarray:
-    """How many times wider profiles, by data and priors, are than slopes say, (P,); 1 or more.
+    """Ratios of errors by profiles to errors by slopes, data and priors together, (P,); at least 1.
 
-    A reading on the edge of a front has a steep slope, and says little: beyond it nothing changes.
-    Looked at where the profile of the data alone is much wider than their slopes say.
+    A reading at the edge of a front has a steep slope and says little, as nothing changes beyond
+    the front. A profile is computed only if the profile of the data alone is much wider than their
+    slopes say.
 
     Args:
-      fit: where it ended.
-      by_data, by_slopes: errors of the logarithms by the data alone, (P,).
+      fit: the fit.
+      by_data, by_slopes: errors of the logarithms by the data alone, by profiles and by slopes,
+        (P,).
     """
     wider = np.ones(by_data.size)
     slopes = np.array(list(standard_errors(fit).values())) / fit.values
@@ -198,14 +204,14 @@ def _widening(fit: Fit, by_data: np.ndarray, by_slopes: np.ndarray) -> np.ndarra
     if not chosen.any():
         return wider
     end = fit.at(np.log(fit.values))
-    with_priors = replace(fit, residuals=end.value, jacobian=end.jacobian)  # as if measured, too
+    with_priors = replace(fit, residuals=end.value, jacobian=end.jacobian)  # priors as measurements
     profile = data_errors(with_priors, np.eye(by_data.size)[chosen], 1.0)
     wider[chosen] = np.maximum(profile / slopes[chosen], 1.0)
     return wider
 
 
 def _between_optima(fit: Fit, directions: np.ndarray, scale: float) -> np.ndarray:
-    """Distances of products, (K,), from the fit to the optima that the data do not exclude."""
+    """Largest distance of each product, (K,), to another optimum that the data do not exclude."""
     most = fit.chi_squared + NOT_EXCLUDED * scale**2
     ways = [
         np.log(optimum.values / fit.values)
@@ -217,13 +223,14 @@ def _between_optima(fit: Fit, directions: np.ndarray, scale: float) -> np.ndarra
 
 
 def _limit(direction: np.ndarray, precision: np.ndarray) -> float:
-    """Largest error by the data of a determined product of powers, in its logarithm."""
+    """Largest error by the data alone of the logarithm of a determined product of powers."""
     if np.any(np.abs(direction[precision == 0.0]) > RANK_TOLERANCE):
         return WITHOUT_PRIOR
     return DETERMINED * float(np.sqrt(np.sum(direction**2 / np.where(precision, precision, 1.0))))
 
 
 def _status(error: float, precision: float) -> str:
+    """Status of a value, from its error by the data alone and the precision of its prior."""
     if not precision:
         return "determined" if error <= WITHOUT_PRIOR else "free"
     share = error * np.sqrt(precision)

@@ -1,13 +1,15 @@
 """Importance sampling of a posterior, judged by the Pareto tail of its weights.
 
-Draws of a proposal q that covers the posterior p weigh p / q. Vehtari, Simpson, Gelman, Yao and
-Gabry, Journal of Machine Learning Research 25(72) (2024): the largest weights follow a generalised
-Pareto distribution, whose shape k tells whether averages over the draws converge; replaced by its
-quantiles, the weights vary less. A proposal that is not good enough follows the draws so far, with
-the density of the mixture of all proposals (Cornuet, Marin, Mira & Robert, Scandinavian Journal of
-Statistics 39, 798 (2012)), and is judged by new draws alone: by those that made it, any would look
-good. Twice at most: a proposal that was fitted often enough to a part of a bent posterior passes,
-and lacks the rest.
+Draws of a proposal q have the weights p / q, where p is the posterior. The largest weights follow a
+generalised Pareto distribution (Vehtari, Simpson, Gelman, Yao and Gabry, Journal of Machine
+Learning Research 25(72) (2024)). Its shape k tells whether averages over the draws converge. Its
+quantiles replace the largest weights, which then vary less.
+
+A proposal that is not good enough is adapted to all draws so far, weighted by the mixture of all
+proposals (Cornuet, Marin, Mira & Robert, Scandinavian Journal of Statistics 39, 798 (2012)). It is
+judged by new draws alone, since any proposal looks good on the draws that it was adapted to. It is
+adapted at most twice: after more rounds it could fit one part of a bent posterior, pass, and miss
+the rest.
 """
 
 from collections.abc import Callable, Iterable
@@ -20,36 +22,37 @@ from calibrate.inference.proposal import Proposal
 from calibrate.least_squares.bounds import Bounds
 
 FIRST, MORE, MOST = 500, 250, 10_000
-"""Draws of a proposal: at first, between two looks at their weights, and in all."""
+"""Draws of a proposal: at first, between two checks of their weights, and in all."""
 ADAPTATIONS = 2
+"""Most adaptations of the proposal."""
 LARGEST_K = 0.7
 """Pareto's k beyond which averages over weighted draws are not to be used."""
 LEAST_EFFECTIVE = 400.0
-"""Independent draws that weighted ones must be worth."""
+"""Fewest effective draws."""
 WORTH = 100.0
-"""Independent draws that weighted ones must be worth for a proposal to follow them."""
+"""Fewest effective draws to which a proposal is adapted."""
 FEWEST = 100
-"""Draws whose weights show a tail."""
+"""Fewest draws to whose weights a tail is fitted."""
 TRIES = 100
-"""Times that draws beyond the bounds are drawn again."""
+"""Most repetitions of draws that fall outside the bounds."""
 
 Evaluate = Callable[[np.ndarray], np.ndarray]
-"""Logarithms of a density, (N,), at logarithms of values, (N, P)."""
+"""Function from logarithms of values, (N, P), to log-densities, (N,)."""
 
 
 class Weighted(NamedTuple):
     """Weighted draws of a posterior."""
 
     logs: np.ndarray
-    """(N, P)."""
+    """Logarithms of the values, (N, P)."""
     weights: np.ndarray
-    """(N,); their sum is one."""
+    """Weights, (N,), with the sum one."""
     pareto_k: float
-    """Shape of the tail of the weights, infinite where draws are too few."""
+    """Shape of the tail of the weights; infinite for too few draws."""
 
     @property
     def effective(self) -> float:
-        """Independent draws that they are worth: (sum w)^2 / sum w^2 (Kish)."""
+        """Number of effective draws, (sum w)^2 / sum w^2 (Kish)."""
         return float(1.0 / np.sum(self.weights**2)) if self.weights.size else 0.0
 
     @property
@@ -59,18 +62,18 @@ class Weighted(NamedTuple):
 
     @property
     def good(self) -> bool:
-        """True if averages over the draws are to be used."""
+        """True if averages over the draws converge, and enough draws are effective."""
         return self.usable and self.effective >= LEAST_EFFECTIVE
 
     def equal(self, number: int, random: np.random.Generator) -> np.ndarray:
-        """So many draws of equal weight, (number, P), in random order: systematic resampling."""
+        """Draws of equal weight, (number, P), in random order, by systematic resampling."""
         places = (random.random() + np.arange(number)) / number
         chosen = np.searchsorted(np.cumsum(self.weights), places)
         return self.logs[random.permutation(np.minimum(chosen, len(self.logs) - 1))]
 
 
 class _Drawn(NamedTuple):
-    """Draws of one proposal, and the logarithms of the posterior there."""
+    """Draws of one proposal, and the log-densities of the posterior there."""
 
     proposal: Proposal
     logs: np.ndarray  # (N, P)
@@ -78,18 +81,19 @@ class _Drawn(NamedTuple):
 
 
 def largest_k(draws: int) -> float:
-    """Largest k of so many draws that are to be used: 1 - 1 / log10 N, and 0.7 at most."""
+    """Largest k of N usable draws: 1 - 1 / log10 N, and 0.7 at most."""
     return min(1.0 - 1.0 / np.log10(draws), LARGEST_K) if draws > 1 else -np.inf
 
 
 def sample(log_densities: Evaluate, first: Proposal, box: Bounds, seed: int) -> Weighted:
-    """Weighted draws: as many as are needed, or all that are allowed.
+    """Samples a posterior by importance, until the draws are good or their number is at its limit.
 
     Args:
-      log_densities: the posterior but for a constant; not finite where there is none.
-      first: the proposal to begin with.
-      box: bounds of the logarithms, beyond which there is no posterior.
-      seed: of the draws.
+      log_densities: function to log-densities of the posterior, up to a constant; not finite where
+        the density is zero.
+      first: the first proposal.
+      box: bounds of the logarithms, outside which the density is zero.
+      seed: seed of the draws.
     """
     narrow = first
     batches: list[_Drawn] = []
@@ -107,7 +111,7 @@ def sample(log_densities: Evaluate, first: Proposal, box: Bounds, seed: int) -> 
 def _draws(
     log_densities: Evaluate, proposal: Proposal, box: Bounds, random: np.random.Generator
 ) -> _Drawn:
-    """Draws of a proposal until they are good, or it shows that they will not be."""
+    """Draws from a proposal until they are good, or will clearly not be."""
     draws = _Drawn(proposal, np.zeros((0, proposal.centres.shape[1])), np.zeros(0))
     while len(draws.logs) < MOST:
         logs = _within(proposal, FIRST if not len(draws.logs) else MORE, box, random)
@@ -128,7 +132,7 @@ def _draws(
 def _within(
     proposal: Proposal, number: int, box: Bounds, random: np.random.Generator
 ) -> np.ndarray:
-    """So many draws within the bounds, (N, P), or fewer where next to none are."""
+    """Draws within the bounds, (N, P); fewer than asked for if nearly all fall outside."""
     within: list[np.ndarray] = []
     for _ in range(TRIES):
         candidates = proposal.draw(number, random)
@@ -156,21 +160,21 @@ def _smoothed(ratios: np.ndarray) -> tuple[np.ndarray, float]:
     from arviz_stats.base import array_stats
 
     with np.errstate(divide="ignore", invalid="ignore"):
-        # Made for leaving readings out, whose weights are one over a likelihood.
+        # It takes log-likelihoods of readings that are left out: their weights are inverse.
         smoothed, k = array_stats.psislw(-ratios)
-    # Where the largest weights are equal there is no tail, and none is given.
+    # Without a tail, as of equal weights, its k is not finite.
     return np.asarray(smoothed), float(k) if np.isfinite(k) else _without_tail(ratios)
 
 
 def _without_tail(ratios: np.ndarray) -> float:
-    """K of weights whose tail cannot be fitted: none where they are all alike, else infinite."""
+    """Value of k if no tail can be fitted: minus infinity for equal weights, else infinity."""
     return -np.inf if np.ptp(ratios) < 1e-9 else np.inf
 
 
 def _followed(batches: Iterable[_Drawn]) -> tuple[np.ndarray, np.ndarray]:
-    """All draws, (N, P), and weights that a proposal can follow, (N,).
+    """All draws, (N, P), and their weights for adapting a proposal, (N,).
 
-    Those are as even as it needs: a power of what they are.
+    The weights are tempered: raised to a power at which enough draws are effective.
     """
     batches = list(batches)
     usable = [np.isfinite(draws.densities) for draws in batches]

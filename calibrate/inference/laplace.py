@@ -1,7 +1,7 @@
-"""Laplace's approximation about every optimum of a fit: where importance sampling begins.
+"""Laplace's approximation about every optimum of a fit, the first proposal of importance sampling.
 
-About an optimum of half the sum of squares L the posterior is a normal distribution of the
-curvature there, with the weight exp(-L) |C|^(1/2) of its covariance C.
+About an optimum with the loss L the posterior is nearly normal. Its covariance C follows from the
+curvature at the optimum, and its weight is exp(-L) |C|^(1/2).
 """
 
 from typing import NamedTuple
@@ -17,27 +17,28 @@ from calibrate.least_squares.fit import Fit
 from calibrate.least_squares.levenberg import Point
 
 NEGLIGIBLE = 1e-6
-"""Weight of an optimum, of all, that is left out."""
+"""Share of all weights below which an optimum is left out."""
 REFINED = 8
-"""Steps of Levenberg and Marquardt from an optimum that only a cheap model found."""
+"""Levenberg-Marquardt steps of the model from an optimum of the cheap model."""
 
 
 class Optima(NamedTuple):
     """The optima of a fit as a proposal."""
 
     proposal: Proposal
-    """A component for each that has a weight, the best first."""
+    """Mixture with a component for each optimum that is not left out, the best first."""
     weights: np.ndarray
-    """Weight of each by Laplace's approximation, (K,)."""
+    """Weight of each component by Laplace's approximation, (K,)."""
     lost: int
-    """Optima of the cheap model at which the model itself gives no numbers, or goes on falling."""
+    """Number of optima of the cheap model that are none of the model itself: it gives no numbers
+    there, or its loss goes on falling."""
 
 
 def approximated(fit: Fit, density: Density) -> Optima:
     """Laplace's approximation of the posterior of a fit.
 
-    Runs the model and its slopes once at every other optimum, a few times where only the cheap
-    model found it.
+    It runs the model with its slopes once at every other optimum, and a few times at an optimum of
+    the cheap model.
     """
     best = Point(fit.optima[0].loss, np.log(fit.values), fit.jacobian, fit.residuals)
     centres, curved, losses, lost = [best.logs], [information(fit)], [best.loss], 0

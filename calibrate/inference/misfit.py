@@ -1,9 +1,9 @@
-"""Agreement of readings with the model within their stated errors, and with each other.
+"""Agreement of the readings with the model, and with each other, within their errors.
 
-Of M readings and K combinations that they determine, near the fit at least, chi-squared is
-distributed as that of M - K degrees of freedom, if the model is right and the errors are as stated.
-Stated errors are often too small, so that p alone refuses many a good fit: readings contradict the
-model where their residuals are large beside the readings themselves, too.
+Let M readings determine K combinations of the parameters near the fit. If the model is right and
+the errors are as stated, chi-squared is distributed with M - K degrees of freedom. Stated errors
+are often too small, so the p-value alone would reject many good fits. Readings therefore contradict
+the model only if their residuals are also large in comparison with the range of the readings.
 """
 
 from typing import NamedTuple
@@ -16,7 +16,8 @@ from calibrate.least_squares.fit import Fit
 from calibrate.problem.problem import Problem
 
 LEAST_P, LARGEST_SHARE = 1e-6, 0.05
-"""Beyond the first a fit is a misfit; beyond both, readings contradict the model or each other."""
+"""Limits of the p-value, and of residuals over range. Beyond the first a fit is a misfit; beyond
+both the readings contradict the model or each other."""
 
 
 class Agreement(NamedTuple):
@@ -25,12 +26,12 @@ class Agreement(NamedTuple):
     degrees_of_freedom: int
     reduced_chi_squared: float
     p_value: float | None
-    """How often chi-squared would be as large by chance; None where nothing is left to compare,
-    or where outliers count less."""
+    """Probability of a chi-squared at least as large; None without degrees of freedom, and for a
+    robust fit."""
     share: float
-    """Root mean square of the residuals over the range of the readings of each kind."""
+    """Root mean square of the residuals, each over the range of the readings of its kind."""
     error_scale: float
-    """By what stated errors would have to grow for chi-squared to be as expected; at least 1."""
+    """Factor on the errors that would bring chi-squared to its expectation; at least 1."""
 
     @property
     def misfit(self) -> bool:
@@ -62,7 +63,7 @@ def agreement(
 
 
 def _share(problem: Problem, predicted: np.ndarray) -> float:
-    """Root mean square of residuals over ranges; of one reading its size is the range."""
+    """Root mean square of residuals over ranges; a single reading counts its size as its range."""
     kinds = [
         (measurement.observable, measurement.value * measurement.si)
         for _, measurement in problem.measurements

@@ -1,4 +1,4 @@
-"""Runs of the model for a posterior: kept in pieces, with a bar and an estimate before it."""
+"""Runs of the model for a posterior, stored in pieces, with a time estimate and a progress bar."""
 
 import sys
 import time
@@ -15,19 +15,20 @@ from mrjax.core.units import time_in_words
 from mrjax.io.checkpoint import Checkpoint, digest
 
 PIECE = 50
-"""Runs that are kept together."""
+"""Runs that are stored together."""
 
 
 class ModelRuns:
-    """Logarithms of a density at many places, by a run of the model each.
+    """Log-densities at many points, with one run of the model for each.
 
-    One after another, and not mapped: a column is no faster so, and would be compiled anew.
+    The runs follow one another. Mapping them would compile the model again, and would not be faster
+    for a column.
 
     Args:
-      density: of the posterior.
-      work: keeps every fifty runs.
+      density: density of the posterior.
+      work: checkpoint that stores every fifty runs; None without one.
       progress: whether to show a progress bar, on standard error.
-      expected: runs, about.
+      expected: expected number of runs.
     """
 
     def __init__(
@@ -39,7 +40,7 @@ class ModelRuns:
         self._bar = tqdm(desc="posterior", unit=" runs", disable=not progress, leave=False)
 
     def __call__(self, logs: np.ndarray) -> np.ndarray:
-        """The logarithms, (N,), at logarithms of values, (N, P); not finite where there is none."""
+        """Log-densities, (N,), at logarithms of values, (N, P); not finite without a prediction."""
         pieces = [self._piece(logs[first : first + PIECE]) for first in range(0, len(logs), PIECE)]
         return np.concatenate([np.zeros(0), *pieces])
 
@@ -62,7 +63,7 @@ class ModelRuns:
 
     def _run(self, logs: np.ndarray) -> np.ndarray:
         if self._timed is None:
-            self._residuals(logs)  # compiled
+            self._residuals(logs)  # the first call also compiles
             began = time.perf_counter()
             self._residuals(logs)
             self._timed = time.perf_counter() - began
@@ -74,7 +75,7 @@ class ModelRuns:
 
     def _residuals(self, logs: np.ndarray) -> np.ndarray:
         residuals = self._density.everything(logs, self._density.given)
-        # Those that JAX does not trace are there at once.
+        # Residuals that JAX does not trace are available at once.
         return np.asarray(wait_for(residuals) if isinstance(residuals, jax.Array) else residuals)
 
 

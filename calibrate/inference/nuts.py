@@ -1,8 +1,8 @@
-"""A posterior by chains of NUTS, which begin apart, with the curvature as their mass matrix.
+"""Samples of a posterior by chains of NUTS, in coordinates scaled by the curvature at the optimum.
 
-The posterior often is a long ridge: positions are measured along the directions and in the standard
-deviations of the curvature, and the mass matrix is dense. Chains begin at draws of the proposal,
-which is wider than the posterior, in turn about each of the optima.
+The posterior often is a long ridge. Positions are therefore measured along the principal directions
+of the curvature, in standard deviations, and the mass matrix is dense. Chains start at draws of the
+proposal, which is wider than the posterior, about each of the optima in turn.
 """
 
 from typing import NamedTuple
@@ -23,22 +23,22 @@ from mrjax.io.checkpoint import Checkpoint
 
 CHAINS, WARM_UP, SAMPLES = 4, 300, 500
 STEPS = 7
-"""Leapfrog steps of a draw, about, where positions are in standard deviations."""
+"""Approximate number of leapfrog steps of a draw, with positions in standard deviations."""
 WEIGHTY = 5e-3
-"""Weight of an optimum by Laplace's approximation, from which on chains must have been there."""
+"""Weight of an optimum, by Laplace's approximation, above which chains must have visited it."""
 TRIES = 50
-"""Draws among which a chain finds a place with a density."""
+"""Most draws for a first position with a finite density."""
 
 
 class Drawn(NamedTuple):
     """Draws of chains after their warm-up."""
 
     logs: np.ndarray
-    """(C, N, P)."""
+    """Logarithms of the values, (C, N, P)."""
     divergences: int
     separated: bool
-    """True if each chain stays at one optimum, and not all at the same, or if none is at one of
-    some weight."""
+    """True if each chain stays at one optimum, and not all at the same, or if no chain visits an
+    optimum that has some weight."""
 
 
 def sample(
@@ -51,15 +51,15 @@ def sample(
     work: Checkpoint | None,
     progress: bool,
 ) -> Drawn:
-    """Draws of chains.
+    """Samples a posterior by chains of NUTS.
 
     Args:
-      density: of the posterior.
-      optima: of it.
-      log_densities: of logarithms, (N, P).
-      seed: of the chains.
-      samples: of each of them.
-      work: keeps every fifty draws.
+      density: density of the posterior.
+      optima: optima of the posterior.
+      log_densities: function from logarithms, (N, P), to log-densities.
+      seed: seed of the chains.
+      samples: number of samples of each chain.
+      work: checkpoint that stores every fifty draws; None without one.
       progress: whether to show a progress bar, on standard error.
     """
     proposal = optima.proposal
@@ -70,7 +70,7 @@ def sample(
         return log_density(density.reflected(best + root @ position))
 
     def home(position: Array, gradient: Array) -> tuple[Array, Array]:
-        """Within the bounds: chains that wander from image to image seem wide."""
+        """Moves a position into the bounds: a chain among mirror images would look too wide."""
         logs, reflection = jax.vjp(density.reflected, best + root @ position)
         (gradient_within,) = reflection(jnp.linalg.solve(root.T, gradient))
         return jnp.linalg.solve(root, logs - best), root.T @ gradient_within
@@ -94,7 +94,7 @@ def whitening(proposal: Proposal) -> tuple[np.ndarray, np.ndarray]:
 def beginnings(
     proposal: Proposal, log_densities: Evaluate, density: Density, seed: int
 ) -> np.ndarray:
-    """Where chains begin, (C, P): each at a draw about an optimum, in turn."""
+    """First positions of the chains, (C, P): draws about each optimum in turn."""
     random = np.random.default_rng([seed, CHAINS])
     first = []
     for chain in range(CHAINS):
@@ -110,7 +110,7 @@ def beginnings(
 
 
 def _separated(optima: Optima, logs: np.ndarray) -> bool:
-    """True if chains, (C, N, P), do not tell the weights of the optima."""
+    """True if chains, (C, N, P), do not determine the weights of the optima."""
     about = [set(optima.proposal.nearest(chain)) for chain in logs]
     reached = set.union(*about)
     missing = set(np.flatnonzero(optima.weights > WEIGHTY)) - reached
@@ -118,13 +118,13 @@ def _separated(optima: Optima, logs: np.ndarray) -> bool:
 
 
 def _drawn(sampler: Sampler, work: Checkpoint | None, progress: bool) -> Piece:
-    """All steps of the chains, those that were kept and the others."""
+    """All steps of the chains, stored and new."""
     stored = None if work is None else work.sequence("chains")
     earlier, last_state = ([], None) if stored is None else stored.resumed()
     pieces = [Piece(piece["positions"], piece["divergent"]) for piece in earlier]
     done = sum(piece.positions.shape[1] for piece in pieces)
     chains = sampler.begin() if last_state is None else sampler.restored(last_state)
-    unkept: list[Piece] = []
+    unstored: list[Piece] = []
     with tqdm(
         desc="posterior", total=sampler.length, initial=done, disable=not progress, leave=False
     ) as bar:
@@ -132,12 +132,12 @@ def _drawn(sampler: Sampler, work: Checkpoint | None, progress: bool) -> Piece:
             done += piece.positions.shape[1]
             bar.set_postfix_str("warm-up" if done < sampler.warm_up else "draws", refresh=False)
             bar.update(piece.positions.shape[1])
-            unkept.append(piece)
+            unstored.append(piece)
             if stored is not None and (done % MOST == 0 or done == sampler.length):
-                joined = _joined(unkept)
+                joined = _joined(unstored)
                 stored.append(joined._asdict(), arrays(state))
-                pieces, unkept = [*pieces, joined], []
-    return _joined([*pieces, *unkept])
+                pieces, unstored = [*pieces, joined], []
+    return _joined([*pieces, *unstored])
 
 
 def _joined(pieces: list[Piece]) -> Piece:

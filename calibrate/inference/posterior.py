@@ -1,8 +1,8 @@
-"""Samples of the posterior, with what tells whether they are to be trusted.
+"""Samples of the posterior, with diagnostics of their reliability.
 
-Importance sampling comes first: it needs some hundred runs of the model where the posterior is near
-what the curvature at its optima says. Where Pareto's k says that it is not, chains of NUTS follow
-(blackjax), which need gradients by the ten thousand.
+Importance sampling comes first. It needs some hundred runs of the model if the posterior is near
+the normal approximation at its optima. If Pareto's k shows that it is not, chains of NUTS follow
+(blackjax), which need tens of thousands of gradients.
 """
 
 import importlib.util
@@ -29,9 +29,9 @@ from mrjax.core.promotion import relaxed_promotion
 from mrjax.io.checkpoint import Checkpoint, refuse_foreign
 
 FEWEST = 4
-"""Samples of a chain whose halves can be compared."""
+"""Fewest samples of a chain: its halves are compared."""
 LARGEST_R_HAT = 1.01
-"""Vehtari et al. (2021): beyond it the samples are not to be used."""
+"""R-hat beyond which samples are not to be used (Vehtari et al. 2021)."""
 IMPORTANCE, NUTS = "importance sampling", "NUTS"
 METHODS = IMPORTANCE, NUTS
 
@@ -40,8 +40,8 @@ SEPARATED = (
     "known"
 )
 LOST = (
-    "an optimum that a cheap model found could not be looked at by the model itself, so that a "
-    "part of the posterior may be missing"
+    "an optimum of the cheap model is none of the model itself, so that a part of the posterior "
+    "may be missing"
 )
 WITHOUT_GRADIENT = (
     "weights are too uneven, and JAX does not trace the model, so that NUTS cannot take over"
@@ -50,24 +50,26 @@ WITHOUT_GRADIENT = (
 
 @dataclass(frozen=True)
 class Posterior:
-    """Draws of all fitted values, of equal weight."""
+    """Samples of all fitted values, of equal weight."""
 
     names: tuple[str, ...]
     samples: np.ndarray
     """Values, not logarithms; (CHAINS * SAMPLES, P), by NUTS chain after chain."""
     r_hat: np.ndarray
-    """Spread between chains over that within them, 1 when they agree: split, by ranks, and the
-    greater of that of values and of their distances from the median; (P,). 1 by importance
-    sampling, which has no chains."""
+    """Spread between chains over spread within them, (P,); 1 if the chains agree.
+
+    It is split and rank-normalised, and the larger one of values and of their distances from the
+    median. Importance sampling has no chains, and gives 1.
+    """
     effective: np.ndarray
-    """Independent samples that they are worth, in their middle or tails, the less; (P,). By
-    importance sampling (sum w)^2 / sum w^2 of the weights w before they were made equal."""
+    """Number of effective samples, (P,): the smaller one of middle and tails. Importance sampling
+    gives (sum w)^2 / sum w^2 of the weights w before resampling."""
     divergences: int
-    """Steps that left the posterior; not 0: a part of it may be missing."""
+    """Number of divergent steps; unless it is 0, a part of the posterior may be missing."""
     method: str = NUTS
     """`importance sampling` or `NUTS`."""
     pareto_k: float | None = None
-    """Shape of the tail of the weights of importance sampling, also where NUTS followed it."""
+    """Shape of the tail of the importance weights; also given if NUTS followed."""
     faults: tuple[str, ...] = ()
     """Sentences on what may be missing."""
 
@@ -107,32 +109,34 @@ def posterior(
 ) -> Posterior:
     """Samples the posterior of a fit.
 
-    By importance sampling about all of its optima, and where that is not enough by NUTS. Both stop
-    between two runs of the model, or pieces of half a second.
+    It uses importance sampling about all optima of the fit, and NUTS if that is not enough. Ctrl-C
+    ends the first between two runs of the model, the second within half a second.
 
     Args:
-      fit: converged.
-      seed: of all random numbers.
-      samples: a quarter of those that are given; 4 at least. NUTS has four chains.
-      checkpoint: folder that keeps every fifty draws. Called again with it and the same arguments,
-        on the same machine, the work goes on, and ends with the same bits.
-      progress: whether to show a progress bar, and before it how long it may take, on standard
-        error.
-      method: `importance sampling` or `NUTS` alone; left out, the one and if need be the other.
-      scatter: places of the measurements whose common scale was estimated, by group: the scale is
-        not taken as known.
-      uniform: names of odds without a prior, whose shares may be anywhere alike.
+      fit: a converged fit.
+      seed: seed of all random numbers.
+      samples: number of samples of each of the four NUTS chains, at least 4; importance sampling
+        gives four times as many, too.
+      checkpoint: folder that stores every fifty draws. A later call with the same arguments, on the
+        same machine, goes on from there, and gives the same bits.
+      progress: whether to show a time estimate and a progress bar, on standard error.
+      method: `importance sampling` or `NUTS`, to use that one alone; by default NUTS follows if
+        importance sampling is not enough.
+      scatter: indices of the measurements of each group whose common error was estimated with the
+        fit: the posterior allows for the uncertainty of that error.
+      uniform: names of odds without a prior: their parameters are uniform between their bounds.
 
     Raises:
-      InputError: a package is not installed, the posterior has no end, no such method, or a
-        checkpoint of another.
+      InputError: a package is missing, the posterior has no end, the method is unknown, or the
+        checkpoint is that of another posterior.
 
     Example:
       >>> import jax.numpy as jnp
       >>> def residuals(theta):
       ...     return (jnp.log(theta["a"])[None] - 1.0) / 0.1
-      >>> found = calibrate.inference.posterior.posterior(calibrate.fit(residuals, {"a": 2.0}))
-      >>> found.method, found.converged, round(float(np.log(found.samples).std()), 2)
+      >>> fit = calibrate.fit(residuals, {"a": 2.0})
+      >>> posterior = calibrate.inference.posterior.posterior(fit)
+      >>> posterior.method, posterior.converged, round(float(np.log(posterior.samples).std()), 2)
       ('importance sampling', True, 0.1)
     """
     refuse_foreign(checkpoint)
@@ -180,7 +184,7 @@ def posterior(
 
 
 class _Work(NamedTuple):
-    """What both ways of sampling need."""
+    """Inputs of both sampling methods."""
 
     fit: Fit
     density: Density
@@ -193,16 +197,16 @@ class _Work(NamedTuple):
 
     @property
     def faults(self) -> list[str]:
-        """Faults of both ways."""
+        """Faults that apply to both methods."""
         return [LOST] * bool(self.optima.lost)
 
 
 Fields = tuple[dict[str, np.ndarray], dict[str, Any]]
-"""Fields of a posterior: arrays, and the others."""
+"""Fields of a posterior: the arrays, and all others."""
 
 
 def _sampled(work: _Work, method: str | None) -> Fields:
-    """The fields of a posterior, by importance sampling if that is asked for or enough."""
+    """Fields of a posterior, by importance sampling if that is requested or enough, or NUTS."""
     if method == NUTS:
         return _by_nuts(work, np.nan)
     weighted = importance.sample(work.runs, work.optima.proposal, work.fit.box, work.seed)
@@ -228,7 +232,7 @@ def _by_importance(work: _Work, weighted: Weighted, faults: list[str]) -> Fields
 
 def _by_nuts(work: _Work, pareto_k: float) -> Fields:
     number = CHAINS * (nuts.WARM_UP + work.samples) * nuts.STEPS
-    # Moved, so that it is not recalled from the fit.
+    # Off the optimum, so that the call is timed and not answered from memory.
     near = np.log(work.fit.values) * (1.0 - 1e-12) - 1e-12
     seconds_each = seconds_of(work.fit.linearised, near, work.fit.given)
     say_estimate(f"{number} gradients for NUTS", number, seconds_each, work.progress)
@@ -253,7 +257,7 @@ def _by_nuts(work: _Work, pareto_k: float) -> Fields:
 
 
 def _ends_early(work: _Work, logs: np.ndarray, weights: np.ndarray | None = None) -> list[str]:
-    """Sentences on values beyond whose samples, (N, P), the posterior goes on."""
+    """Sentences on values whose samples, (N, P), do not cover the posterior."""
     if len(logs) < importance.FEWEST:
         return []
     middle = np.average(logs, axis=0, weights=weights)
@@ -263,17 +267,17 @@ def _ends_early(work: _Work, logs: np.ndarray, weights: np.ndarray | None = None
 
 
 def _of_arrays(fit: Fit, arrays: dict[str, np.ndarray], scalars: dict[str, Any]) -> Posterior:
-    """A posterior from its fields, kept or new."""
+    """A posterior from its fields, stored or new."""
     k = float(arrays["pareto_k"])
     scalars = scalars | {"faults": tuple(scalars["faults"]), "pareto_k": None if np.isnan(k) else k}
     return Posterior(fit.names, **(arrays | scalars))
 
 
 def refuse_without_sampler() -> None:
-    """Refuses to sample where an optional package is not installed.
+    """Refuses to sample without the optional packages.
 
     Raises:
-      InputError: one is missing.
+      InputError: a package is missing.
     """
     for package in ("blackjax", "corner", "arviz_stats"):
         if importlib.util.find_spec(package) is None:

@@ -1,4 +1,4 @@
-"""Products of powers: in words, and the simplest of those that span a space."""
+"""Products of powers of parameters as text, and the simplest basis of a space of them."""
 
 from fractions import Fraction
 
@@ -10,14 +10,14 @@ SIMPLE = 6
 """Largest denominator of an exponent that is read as a fraction."""
 
 SIMPLE_WITHIN = 1e-6
-"""How close to it: a simulated velocity follows a power law to better than this."""
+"""Largest distance to such a fraction; simulated velocities follow power laws more closely."""
 
 NEGLIGIBLE = 0.01
-"""Exponent, of the largest of its product, that is next to nothing."""
+"""Exponent, over the largest one of its product, below which a factor is left out."""
 
 
 def expression(names: tuple[str, ...], exponents: np.ndarray) -> str:
-    """A product of powers in words: `f_w * f_s / f_v`."""
+    """A product of powers as text: `f_w * f_s / f_v`."""
 
     def power(name: str, exponent: float) -> str:
         size = abs(exponent)
@@ -39,12 +39,12 @@ def _readable(number: float) -> str:
 
 
 def without_negligible(exponents: np.ndarray) -> np.ndarray:
-    """Exponents of a product, (P,), without those that are next to nothing."""
+    """Exponents of a product, (P,), with negligible ones set to zero."""
     return np.where(np.abs(exponents) < NEGLIGIBLE * np.abs(exponents).max(), 0.0, exponents)
 
 
 def simplest_basis(basis: np.ndarray) -> np.ndarray:
-    """The same space, in the basis with most zeros and simple numbers (reduced row echelon)."""
+    """The basis of the same space with most zeros and simple numbers (reduced row echelon form)."""
     rows = np.array(basis, float)
     done = 0
     for column in range(rows.shape[1]):
@@ -53,7 +53,7 @@ def simplest_basis(basis: np.ndarray) -> np.ndarray:
         size = np.abs(rows[done:])
         share = size[:, column] / np.maximum(size.max(axis=1), np.finfo(float).tiny)
         pivot = done + int(np.argmax(size[:, column]))
-        last = rows.shape[1] - column == len(rows) - done  # as many as are to be found
+        last = rows.shape[1] - column == len(rows) - done  # every column left has to be a pivot
         if abs(rows[pivot, column]) < RANK_TOLERANCE or (share.max() < NEGLIGIBLE and not last):
             continue
         rows[[done, pivot]] = rows[[pivot, done]]

@@ -1,7 +1,7 @@
-"""Profile likelihoods: how the best fit worsens as one value is held away from its own.
+"""Profile likelihoods: the rise of chi-squared while one value is held and the others are refitted.
 
-The other values follow. Unlike an error bar from the curvature at the optimum this sees a valley
-that bends, or ends in nothing.
+Unlike a standard error from the curvature at the optimum, a profile shows a valley that bends, or
+that has no end.
 """
 
 from dataclasses import dataclass, field
@@ -19,16 +19,19 @@ from mrjax.core.text import in_terminal
 LEVELS = {"68 %": 1.0, "95 %": 3.841459}
 """Increase of chi-squared at the ends of an interval, by its coverage, of errors as stated."""
 REACH, POINTS = 4.0, 9
-"""Of a profile, in standard errors to either side; its number of points."""
+"""Half width of a profile, in standard errors, and its number of points."""
 GAUSS_NEWTON_STEPS = 2
-"""From where a straight valley leads, which is near."""
+"""Gauss-Newton steps at each point; few suffice, since they start in a straight valley."""
 
 
 def levels(degrees_of_freedom: float = np.inf) -> dict[str, float]:
     """Increase of chi-squared at the ends of an interval, by its coverage.
 
-    The square of Student's t where errors were estimated with so many degrees of freedom: their own
-    uncertainty makes intervals wider. `LEVELS` where errors are known.
+    It is the square of Student's t if errors were estimated, since their own uncertainty makes
+    intervals wider, and that of `LEVELS` if errors are stated.
+
+    Args:
+      degrees_of_freedom: those of the estimated errors; infinite if errors are stated.
     """
     if not np.isfinite(degrees_of_freedom):
         return LEVELS
@@ -42,11 +45,11 @@ class Profile:
 
     name: str
     values: np.ndarray
-    """Values at which it was held, (K,)."""
+    """Values at which the parameter was held, (K,)."""
     increase: np.ndarray
     """Increase of chi-squared, priors included, over that of the fit; (K,)."""
     intervals: dict[str, tuple[float, float]]
-    """By coverage; an end that lies beyond the profile is 0 or infinite."""
+    """Intervals by coverage; an end beyond the profile is 0 or infinite."""
     levels: dict[str, float] = field(default_factory=lambda: LEVELS)
     """Increase of chi-squared at the ends of the intervals, by coverage."""
 
@@ -54,12 +57,12 @@ class Profile:
 def profiles(
     fit: Fit, progress: bool = False, degrees_of_freedom: float = np.inf
 ) -> tuple[Profile, ...]:
-    """A profile of every value that has an error bar.
+    """Profiles of all values with a finite standard error.
 
     Args:
-      fit: converged.
+      fit: a converged fit.
       progress: whether to show a progress bar, on standard error.
-      degrees_of_freedom: of errors that were estimated; infinite where they are stated.
+      degrees_of_freedom: those of estimated errors; infinite if errors are stated.
     """
     level_of = levels(degrees_of_freedom)
     errors = standard_errors(fit)
@@ -78,7 +81,7 @@ def _profile(fit: Fit, place: int, error: float, level_of: dict[str, float], bar
     best = np.log(fit.values)
     curved = information(fit)
     free = np.array([other for other in range(best.size) if other != place], int)
-    # Where a straight valley leads.
+    # The direction of a straight valley.
     tangent = np.zeros(best.size)
     tangent[place] = 1.0
     within = curved[np.ix_(free, free)]
@@ -89,13 +92,13 @@ def _profile(fit: Fit, place: int, error: float, level_of: dict[str, float], bar
     offsets = np.linspace(-reach, reach, POINTS)
     with relaxed_promotion():
         bar.set_postfix_str(in_terminal(name))
-        lowest = _held(fit, free, best, steps=0)
+        lowest = _least_chi_squared(fit, free, best, steps=0)
         increase = np.empty(POINTS)
         for number, offset in enumerate(offsets):
             bar.update()
             logs = fit.box.clip(best + offset * tangent)
             logs[place] = best[place] + offset
-            increase[number] = _held(fit, free, logs, GAUSS_NEWTON_STEPS)
+            increase[number] = _least_chi_squared(fit, free, logs, GAUSS_NEWTON_STEPS)
         bar.update()
     increase -= lowest
     values = fit.values[place] * np.exp(offsets)
@@ -105,8 +108,8 @@ def _profile(fit: Fit, place: int, error: float, level_of: dict[str, float], bar
     return Profile(name, values, increase, intervals, level_of)
 
 
-def _held(fit: Fit, free: np.ndarray, logs: np.ndarray, steps: int) -> float:
-    """Least chi-squared from these logarithms, (P,), where only the free ones follow.
+def _least_chi_squared(fit: Fit, free: np.ndarray, logs: np.ndarray, steps: int) -> float:
+    """The least chi-squared near logarithms, (P,), of which only the free ones change.
 
     Every step is one call of a program that the fit has compiled.
     """
@@ -131,7 +134,7 @@ def _interval(values: np.ndarray, increase: np.ndarray, level: float) -> tuple[f
         for place in range(middle, len(values) - 1 if step > 0 else 0, step):
             near, far = increase[place], increase[place + step]
             if near < level <= far:
-                # Between points a parabola about the optimum: straight in the root.
+                # Between points chi-squared is a parabola about the optimum: its root is linear.
                 share = (np.sqrt(level) - np.sqrt(max(near, 0.0))) / (
                     np.sqrt(far) - np.sqrt(max(near, 0.0))
                 )

@@ -1,9 +1,8 @@
-"""Proposals of importance sampling: mixtures of Student's t, and how they follow weighted draws.
+"""Proposals of importance sampling: mixtures of Student's t, adapted to weighted draws.
 
-A t distribution of few degrees of freedom has longer tails than a posterior whose data or priors
-bound it, so that no draw weighs much more than others. Cappe, Douc, Guillin, Marin & Robert,
-Statistics and Computing 18, 447 (2008) adapt such a mixture by a step of expectation and
-maximisation on weighted draws.
+A t distribution with few degrees of freedom has longer tails than a posterior that data or priors
+bound. So no draw weighs much more than the others. Cappe, Douc, Guillin, Marin & Robert, Statistics
+and Computing 18, 447 (2008) adapt such a mixture by expectation maximisation on weighted draws.
 """
 
 from typing import NamedTuple
@@ -15,14 +14,14 @@ from scipy.stats import multivariate_t
 FREEDOM = 5
 """Degrees of freedom of every component."""
 LEAST_SHARE = 0.05
-"""Of a component, before all are divided by their sum."""
+"""Least share of a component, before the shares are divided by their sum."""
 IN_TAILS, WIDER = 0.1, 3.0
-"""Share of draws of a wider proposal, and how many times wider it is."""
+"""Share of the draws that come from a wider proposal, and its width over the first."""
 MOST_COMPONENTS = 8
 HALVES = 0.8
 """Offset of the halves of a component, in its standard deviations."""
 STEPS = 4
-"""Steps of expectation and maximisation on the same draws."""
+"""Steps of expectation maximisation on the same draws."""
 
 
 class Proposal(NamedTuple):
@@ -31,12 +30,12 @@ class Proposal(NamedTuple):
     shares: np.ndarray
     """Share of the draws that each component gives, (K,)."""
     centres: np.ndarray
-    """(K, P)."""
+    """Centres of the components, (K, P)."""
     scales: np.ndarray
-    """Scale matrices, (K, P, P): covariances but for a factor."""
+    """Scale matrices, (K, P, P), which are proportional to covariances."""
 
     def draw(self, number: int, random: np.random.Generator) -> np.ndarray:
-        """So many draws, (N, P)."""
+        """Draws of the mixture, (N, P)."""
         counts = random.multinomial(number, self.shares)
         drawn = [
             np.reshape(component.rvs(int(count), random), (count, self.centres.shape[1]))
@@ -46,19 +45,19 @@ class Proposal(NamedTuple):
         return np.concatenate(drawn)
 
     def log_density(self, logs: np.ndarray) -> np.ndarray:
-        """Logarithm of the density at places, (N, P); (N,)."""
+        """Log-density at points, (N, P); (N,)."""
         return logsumexp(self._joint(logs), axis=1)
 
     def component(self, place: int) -> "Proposal":
-        """One component by itself."""
+        """The proposal of a single component."""
         return Proposal(np.ones(1), self.centres[place, None], self.scales[place, None])
 
     def nearest(self, logs: np.ndarray) -> np.ndarray:
-        """The component to which each place, (N, P), most likely belongs; (N,)."""
+        """Index of the component to which each point, (N, P), most likely belongs; (N,)."""
         return self._joint(logs).argmax(axis=1)
 
     def with_tails_of(self, first: "Proposal") -> "Proposal":
-        """Itself, and some draws of another made wider: they tell what it lacks."""
+        """This mixture with a share of another, widened one: it reveals regions not covered."""
         return Proposal(
             np.concatenate([(1.0 - IN_TAILS) * self.shares, IN_TAILS * first.shares]),
             np.concatenate([self.centres, first.centres]),
@@ -66,7 +65,7 @@ class Proposal(NamedTuple):
         )
 
     def split(self) -> "Proposal":
-        """Every component as two along its longest axis, whose sum has the same covariance."""
+        """The mixture with every component split along its longest axis, of the same covariance."""
         if 2 * len(self.shares) > MOST_COMPONENTS:
             return self
         centres, scales = [], []
@@ -80,11 +79,11 @@ class Proposal(NamedTuple):
     def adapted(self, logs: np.ndarray, weights: np.ndarray) -> "Proposal":
         """The mixture fitted to weighted draws.
 
-        A component to which next to no draws belong stays as it is, with a share that keeps it.
+        A component to which too few draws belong stays as it is, with a least share.
 
         Args:
           logs: draws, (N, P).
-          weights: of them, (N,), with a sum of one.
+          weights: weights of the draws, (N,), with the sum one.
         """
         adapted = self
         for _ in range(STEPS):
@@ -98,7 +97,7 @@ class Proposal(NamedTuple):
         enough = size * (size + 1) * (weights @ weights)
         centres, scales = self.centres.copy(), self.scales.copy()
         for place, membership in enumerate(belongs.T):
-            # Of fewer draws than twice the numbers of a covariance.
+            # Fewer effective draws than twice the independent entries of a covariance.
             if masses[place] < enough:
                 continue
             offset = logs - centres[place]

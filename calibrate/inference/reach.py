@@ -1,8 +1,8 @@
-"""Whether samples reach as far as their posterior does.
+"""A check that the samples cover the whole posterior.
 
-Neither weights nor chains tell of a part where no sample is, such as the far end of a bent valley.
-Beyond the samples of a value, where others follow it as in a profile likelihood, there must be next
-to nothing left.
+Neither weights nor chains reveal a part without any sample, such as the far end of a bent valley.
+The check moves one value beyond its samples, while the others follow as in a profile likelihood.
+The density must be negligible there.
 """
 
 import numpy as np
@@ -11,25 +11,25 @@ from calibrate.inference.density import Density
 from calibrate.least_squares.fit import Fit
 
 BEYOND = 3.0
-"""Standard deviations of the samples from their mean."""
+"""Distance of that point from the mean of the samples, in their standard deviations."""
 LEFT = float(np.exp(-2.0))
-"""Density there over that at the optimum, from which on something is missing. Of a normal
-distribution it is exp(-4.5), of Student's t with five degrees of freedom exp(-4.2)."""
+"""Density there over that at the optimum, above which samples are missing. A normal distribution
+has exp(-4.5), Student's t with five degrees of freedom exp(-4.2)."""
 STEPS = 3
-"""Of Gauss and Newton, by which the other values follow."""
+"""Gauss-Newton steps by which the other values follow."""
 
 
 def ends_early(
     fit: Fit, density: Density, middle: np.ndarray, covariance: np.ndarray
 ) -> tuple[str, ...]:
-    """Names of the values beyond whose samples the posterior goes on.
+    """Names of the values whose samples do not cover the posterior.
 
-    A few runs of the model and its slopes for each value.
+    Each value takes a few runs of the model with its slopes.
 
     Args:
-      fit: of the posterior.
-      density: of the posterior.
-      middle, covariance: of the logarithms of the samples, (P,) and (P, P).
+      fit: the fit.
+      density: density of the posterior.
+      middle, covariance: mean and covariance of the logarithms of the samples, (P,) and (P, P).
     """
     best = np.log(fit.values)
     enough = float(density.log_density(best, fit.at(best).value)) + np.log(LEFT)
@@ -45,7 +45,7 @@ def ends_early(
 
 
 def _largest(fit: Fit, density: Density, place: int, logs: np.ndarray) -> float:
-    """Logarithm of the density where one value is held and the others follow, if within bounds."""
+    """Largest log-density with one value held; minus infinity if that value is out of bounds."""
     held_value, largest = logs[place], -np.inf
     free = np.arange(logs.size) != place
     for _ in range(1 + STEPS):

@@ -1,8 +1,8 @@
-"""The runs test (Wald & Wolfowitz 1940): whether residuals have the shape of noise.
+"""The runs test (Wald & Wolfowitz 1940), which compares the signs of residuals with those of noise.
 
-Readings without a stated error have no p-value of chi-squared: their scatter comes from the
-residuals that it would test. A model that misses the shape of the data shows all the same, by long
-runs of residuals of one sign, in the order of time, of concentration or of height.
+Readings without a stated error have no p-value of chi-squared, since their scatter comes from the
+same residuals. The runs test still detects a model that misses the shape of the data: its residuals
+have long runs of one sign, in the order of time, concentration or height.
 """
 
 from math import comb
@@ -16,23 +16,23 @@ from calibrate.least_squares.fit import Fit
 from calibrate.problem.problem import Problem
 
 TOO_FEW_BELOW = 0.01
-"""Probability below which as few runs are no chance."""
+"""p-value below which the runs are too few for noise."""
 
 
 class RunsTest(NamedTuple):
-    """Runs of residuals of one sign, of the readings of one file."""
+    """The runs test of the readings of one file."""
 
     sample: str | None
-    """None of a simulator's."""
+    """Name of the sample; None for a simulator."""
     observable: str
     readings: int
     runs: int
     p_value: float
-    """Probability that noise has as few runs."""
+    """Probability that noise has at most as many runs."""
 
 
 def runs_tests(problem: Problem, fit: Fit) -> list[RunsTest]:
-    """The test of each file whose readings have no stated error."""
+    """The runs test of each file whose readings have no stated error."""
     if isinstance(problem.experiment, SimulatedExperiment):
         return _of_simulator(problem.experiment, fit)
     return [
@@ -43,7 +43,7 @@ def runs_tests(problem: Problem, fit: Fit) -> list[RunsTest]:
 
 
 def _of_simulator(experiment: SimulatedExperiment, fit: Fit) -> list[RunsTest]:
-    """The test of readings that have a natural order and no stated error."""
+    """The runs test of a simulator's readings, if they have an order and no stated error."""
     simulator = experiment.simulator
     if experiment.errors == "stated" or simulator.labels is not None:
         return []
@@ -54,7 +54,7 @@ def _of_simulator(experiment: SimulatedExperiment, fit: Fit) -> list[RunsTest]:
 
 
 def _test(sample: str | None, observable: str, residuals: np.ndarray) -> RunsTest:
-    """The test of residuals in their order, (N,)."""
+    """The runs test of residuals in their order, (N,)."""
     signs = np.sign(residuals)
     signs = signs[signs != 0.0]
     runs = int(np.count_nonzero(np.diff(signs))) + bool(signs.size)
@@ -63,7 +63,7 @@ def _test(sample: str | None, observable: str, residuals: np.ndarray) -> RunsTes
 
 
 def _files_without_errors(sample: Sample) -> list[tuple[str, list[int]]]:
-    """Observable and places of the readings of each file, by time, concentration or height."""
+    """Observable and indices of readings by file, sorted by time, concentration or height."""
     files = []
     measurements = list(enumerate(sample.measurements))
     if sample.curve is not None and sample.curve.errors == "estimated":
@@ -94,10 +94,10 @@ def _files_without_errors(sample: Sample) -> list[tuple[str, list[int]]]:
 
 
 def as_few_runs(positive: int, negative: int, runs: int) -> float:
-    """Probability of so many runs or fewer, of signs in any order; exact.
+    """Exact probability of at most this many runs, if all orders of the signs are equally likely.
 
-    Of m positive and n negative signs 2 k runs have 2 C(m-1, k-1) C(n-1, k-1) orders, and 2 k + 1
-    have C(m-1, k) C(n-1, k-1) + C(m-1, k-1) C(n-1, k), out of C(m+n, m).
+    Of the C(m+n, m) orders of m positive and n negative signs, 2 C(m-1, k-1) C(n-1, k-1) have 2 k
+    runs, and C(m-1, k) C(n-1, k-1) + C(m-1, k-1) C(n-1, k) have 2 k + 1 runs.
     """
     m, n = positive, negative
     if not m or not n:

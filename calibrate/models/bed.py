@@ -1,4 +1,4 @@
-"""The volume fraction of the bed at rest: given, fitted, or simulated once."""
+"""The volume fraction of the bed at rest: stated, fitted, or simulated once."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from mrjax.observables import interface
 from mrjax.simulation.overlap import OVERLAP
 
 TIME_SCALES = ("f_w", "f_s", "f_v", "viscosity", "gravity", "particle_density", "fluid_density")
-"""What changes the speed of an overdamped settling suspension and not its path."""
+"""Parameters that change the speed of overdamped settling, and not the paths of the particles."""
 
 
 def needs_a_bed(sample: Sample) -> bool:
@@ -25,7 +25,7 @@ def needs_a_bed(sample: Sample) -> bool:
 
 
 def can_be(sample: Sample, suspension: Suspension) -> Array:
-    """True if a suspension is thinner than solids, and than the bed that it settles into; ()."""
+    """True for a possible suspension: thinner than solid, and thinner than its bed; ()."""
     fraction = suspension.volume_fraction
     if suspension.bed_fraction is None or not needs_a_bed(sample):
         return fraction < 1.0
@@ -33,12 +33,12 @@ def can_be(sample: Sample, suspension: Suspension) -> Array:
 
 
 def fraction_of_bed(suspension: Suspension, bed: float | None) -> Array | None:
-    """The fraction that varies, or else the one that was simulated."""
+    """Volume fraction of the bed: the simulated one, or that of the suspension if `bed` is None."""
     return suspension.bed_fraction if bed is None else jnp.asarray(bed, float)
 
 
 def final_ratio(suspension: Suspension, bed: float | None) -> ArrayLike:
-    """phi_0 / phi_bed: all that was dispersed lies in the bed; 1."""
+    """Final over initial height, phi_0 / phi_bed: all particles then lie in the bed; 1."""
     fraction = fraction_of_bed(suspension, bed)
     return jnp.nan if fraction is None else suspension.volume_fraction / fraction
 
@@ -50,19 +50,24 @@ def simulated_fraction(
     varied: tuple[str, ...],
     checkpoint: Path | None,
 ) -> float | None:
-    """The volume fraction of the bed where a simulation gives it, once; else None."""
+    """Volume fraction of the bed from one simulation; None if it is not simulated.
+
+    Raises:
+      InputError: the fraction is needed and unknown, or out of range, or something varies that
+        would change the simulated bed.
+    """
     if not needs_a_bed(sample):
         return None
     if sample.bed_fraction == "particles":
         refuse_other_paths(sample, varied)
-        # Of a uniform bed; the top of a box of few particles is that of one of them.
+        # As of a uniform bed: the top of a box of few particles is that of a single one.
         settled = to_rest(sample.recipe, near, mrjax.disperse(sample.recipe, seed), checkpoint)
         ratio = interface.sedimentation_ratio(settled, "twice-centre-of-mass")
         return float(near.volume_fraction / ratio[-1])
     if near.bed_fraction is None:
         raise InputError(
-            f"sample {sample.name!r}: how densely its bed lies is not known; give bed_fraction, "
-            f'bed_fraction = "particles", or a [[parameter]] named {BED}'
+            f"sample {sample.name!r}: the volume fraction of its bed is not known; give "
+            f'bed_fraction, bed_fraction = "particles", or a [[parameter]] named {BED}'
         )
     if not float(near.volume_fraction) < float(near.bed_fraction) < 1.0:
         raise InputError(
@@ -75,13 +80,17 @@ def simulated_fraction(
 def to_rest(
     recipe: mrjax.Recipe, near: Suspension, state: mrjax.State, checkpoint: Path | None
 ) -> mrjax.Run:
-    """A suspension settled until its bed rests, with softened contacts."""
+    """Simulates a suspension until its bed is at rest, with softened contacts."""
     soft = mrjax.softened(near.parameters, recipe.box, recipe.particle_count, OVERLAP)
     return mrjax.settle(state, soft, recipe.box, hindrance=near.hindrance, checkpoint=checkpoint)
 
 
 def refuse_other_paths(sample: Sample, varied: tuple[str, ...]) -> None:
-    """Refuses to vary what changes more of a simulated bed than how fast it forms."""
+    """Refuses to vary a parameter that changes more of a simulated bed than its speed of forming.
+
+    Raises:
+      InputError: such a parameter varies.
+    """
     local = sample.recipe.drag.local
     for name in varied:
         if name in TIME_SCALES or (name.startswith(CLOSURE) and not local):

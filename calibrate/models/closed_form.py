@@ -29,11 +29,12 @@ def closed_form(
     """Eq. 27 for the velocity, and the two asymptotes of Fig. 4 for the curve.
 
     h / h_0 = max(1 - v t / h_0, phi_0 / phi_bed): the mudline falls at its initial velocity until
-    all lies in the bed. Between the mudline and the bed, whose front rises, all is as at first.
-    Exact where drag is not local and the bed does not yield.
+    all particles lie in the bed. Between the mudline and the rising front of the bed the suspension
+    keeps its initial volume fraction. This is exact if drag is not local and the bed does not
+    yield.
 
     Raises:
-      InputError: a bed is asked for, and its volume fraction is not known.
+      InputError: the bed is needed, and its volume fraction is not known.
     """
     bed = simulated_fraction(sample, near, seed, varied, checkpoint)
     reading_times = jnp.asarray(sample.times, float)
@@ -56,10 +57,11 @@ def closed_form(
 def mean_fraction(
     initial: Array, densest: Array, velocity: Array, height: float, at: Layers
 ) -> Array:
-    """Mean volume fraction over layers of a tube where all falls alike until it lies in the bed.
+    """Mean volume fraction over layers of a tube in which all particles fall at one velocity.
 
-    The solids below a height z are MIN(phi_0 H, phi_0 (z + v t), phi_bed z): all of them above the
-    mudline, those of the suspension as it was, or those of a bed.
+    The volume of solids below a height z, for a unit of area, is
+    min(phi_0 H, phi_0 (z + v t), phi_bed z). The first holds above the mudline, the second in the
+    suspension, and the third in the bed.
 
     Args:
       initial: phi_0, ().

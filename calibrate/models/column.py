@@ -30,8 +30,8 @@ def column(
 ) -> ForwardModel:
     """The tube as a column of layers, each with the drag of its own volume fraction (Kynch 1952).
 
-    Exact, by the characteristics that meet the mudline: what `mrjax.column` comes to with ever more
-    cells, at a cost that does not grow with the time of a reading. Without local drag in the recipe
+    The mudline is exact, by the characteristics that meet it: `mrjax.column` converges to it with
+    more cells. The cost does not grow with the time of a reading. Without local drag in the recipe
     it is the closed form.
 
     Raises:
@@ -71,10 +71,10 @@ def column(
 
 
 def refuse_several_sizes(sample: Sample, near: Suspension) -> None:
-    """Refuses particles of several sizes; names the one size that stands for them.
+    """Refuses particles of several sizes, and names the single size that is equivalent.
 
-    Stokes' velocity goes as d^2, and each particle counts by its mass, d^3: the diameter whose
-    velocity is the mean by mass is the root of the mean of d^2 by volume.
+    Stokes' velocity is proportional to d^2, and each particle counts by its mass, d^3. The diameter
+    with the mean velocity by mass is therefore the root of the mean of d^2 by volume.
 
     Raises:
       InputError: the particles fall at several velocities.

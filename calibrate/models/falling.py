@@ -15,14 +15,14 @@ from mrjax.core.tracing import value_or_none
 from mrjax.laws import particle, time_scales
 
 RELAXATIONS = 40
-"""Length of a run, and its number of steps: the start is forgotten to e^-40, and to 1e-5 where
-the fit ends at a drag 3 times smaller. The fall is exact at any step."""
+"""Length of a run in relaxation times, and its number of steps. The initial velocities decay to
+e^-40, or to 1e-5 if the fit ends at a drag 3 times smaller. The fall is exact at any step."""
 
 MARGIN = 10.0
-"""Factor on the expected velocity up to which particles may fall and not meet within a run."""
+"""Factor on the expected velocity in the check that no particles meet within a run."""
 
 FEWEST_RELAXATIONS = 10.0
-"""Length of a run that is asked for a velocity: the start is forgotten to 5e-5."""
+"""Least length of a run in relaxation times: the initial velocities decay to 5e-5."""
 
 WITHOUT_CONTACTS = {
     "friction": 0.0,
@@ -34,16 +34,16 @@ WITHOUT_CONTACTS = {
 """Contact properties of particles that meet nothing."""
 
 Fall = Callable[[Suspension], Array]
-"""From a suspension to its initial velocity, () in m/s."""
+"""Function from a suspension to its initial velocity, () in m/s."""
 
 
 def fall(name: str, recipe: Recipe, near: Suspension, state: State) -> Fall:
-    """Prepares a run from a state.
+    """Prepares the fall of particles from a state.
 
     Args:
-      name: of the sample, as messages have it.
-      recipe: its box.
-      near: the suspension near which it will be asked.
+      name: name of the sample, for messages.
+      recipe: recipe with the box.
+      near: the suspension that the run is prepared for.
       state: all particles, dispersed in the box.
     """
     parameters = near.parameters
@@ -62,7 +62,7 @@ def fall(name: str, recipe: Recipe, near: Suspension, state: State) -> Fall:
                 f"sample {name!r}: particles relax {slowest / relaxation:.3g} times more slowly "
                 "than where this model was prepared; prepare it near these values"
             )
-        if apart:  # what acts in contacts alone would change nothing, and take long to compile
+        if apart:  # contact laws would change nothing, and take long to compile
             parameters = parameters.replace(**WITHOUT_CONTACTS)
         run = mrjax.simulate(
             state,
@@ -78,11 +78,11 @@ def fall(name: str, recipe: Recipe, near: Suspension, state: State) -> Fall:
 
 
 def falls(name: str, recipe: Recipe, near: Suspension, seed: int, fractions: tuple) -> list[Fall]:
-    """Runs of the recipe's particles, dispersed in its box at other volume fractions.
+    """Prepares falls of the recipe's particles, dispersed in its box at several volume fractions.
 
     Args:
       name, recipe, near: as for `fall`.
-      seed: of the suspensions.
+      seed: seed of the suspensions.
       fractions: volume fractions of the uncoated particles, (K,).
 
     Raises:
@@ -101,7 +101,7 @@ def _fall_at(name: str, recipe: Recipe, near: Suspension, seed: int, fraction: f
     radius = diluted_recipe.parameters().radius
 
     def diluted(suspension: Suspension) -> Suspension:
-        """The suspension at the fraction; of several sizes, with those of its own particles."""
+        """The suspension at the fraction; with its own radii if these differ."""
         at = suspension.at(fraction)
         if not jnp.ndim(radius):
             return at

@@ -1,8 +1,8 @@
 """The forward models by name.
 
-Each takes a sample, the suspension near which it will be asked, a seed, the names of what will
-vary, and a folder that keeps a bed as it is simulated; it gives a function of a `Suspension` to
-predictions in SI units. What does not depend on what varies is done once.
+Each takes a sample, the suspension it is prepared for, a seed, the names of the varied parameters,
+and a folder that stores a simulated bed. It gives a function from a `Suspension` to predictions in
+SI units. Work that does not depend on the varied parameters is done once.
 """
 
 from calibrate.models.closed_form import closed_form
@@ -23,19 +23,20 @@ CHEAP: dict[ForwardModelMaker, ForwardModelMaker] = {
     column: column,
     particles: closed_form,
 }
-"""For each, one that predicts nearly the same at no cost: a search asks it thousands of times."""
+"""For each model a cheap one with nearly the same predictions, which a search runs thousands of
+times."""
 
 HOLD_EVERYWHERE: tuple[ForwardModelMaker, ...] = (closed_form, column)
-"""Those that hold far from where they are prepared, too."""
+"""Models that hold far from the values they are prepared for, too."""
 
 
 def cheap_model(make: ForwardModelMaker) -> ForwardModelMaker | None:
-    """The cheap model of another; None of a user's own."""
+    """The cheap model of a forward model; None for a user's own model."""
     return next((cheap for expensive, cheap in CHEAP.items() if expensive is make), None)
 
 
 def forward_model(model: str | ForwardModelMaker) -> ForwardModelMaker:
-    """A forward model by its name, or as it is given.
+    """The forward model of a name; a function is returned as it is.
 
     Raises:
       InputError: no such model.

@@ -24,11 +24,11 @@ def particles(
 ) -> ForwardModel:
     """A simulation of all particles of the recipe's box.
 
-    A curve, and a final ratio where no bed fraction is given, come from one run to rest: without
-    inertia, what changes the falling velocity v changes a curve's times by 1 / v and nothing else,
-    and a tube H high takes H / h times as long as a box h high. Each concentration of a table of
-    velocities has a box of its own, as large as the recipe's.
-    Concentrations at a height are not predicted.
+    A curve, and a final ratio without a bed fraction, come from one run to rest. Without inertia a
+    change of the falling velocity v scales the times of the curve by 1 / v, and changes nothing
+    else. A tube of height H takes H / h times as long as a box of height h. Each concentration of a
+    table of velocities has a box of its own, as large as the recipe's. Concentrations at a height
+    are not predicted.
 
     Raises:
       InputError: the particles cannot be dispersed in the box, something varies that would
@@ -39,8 +39,8 @@ def particles(
     reading_times = jnp.asarray(sample.times, float)
     if sample.times and near.bed_fraction is not None:
         raise InputError(
-            f"sample {sample.name!r}: the particles of a curve pack as they will; take {BED} away, "
-            "or fit with another model"
+            f"sample {sample.name!r}: particles of a curve pack to a volume fraction of their own; "
+            f"take {BED} away, or fit with another model"
         )
     if sample.points:
         raise InputError(

@@ -13,28 +13,29 @@ from calibrate.experiment.suspension import Suspension
 from mrjax import InputError, terminal_velocity
 
 Prediction = dict[str, Array]
-"""By observable, in SI units; of a curve, for all of its times. `initial_velocities` are those of a
-table, for all of its concentrations; `concentrations` are the mean volume fractions of uncoated
-particles over the layers of `Sample.points`, (Q,)."""
+"""Predictions by observable, in SI units; those of a curve are for all of its times.
+
+`initial_velocities` are those of a table, for all of its concentrations. `concentrations` are the
+mean volume fractions of uncoated particles over the layers of `Sample.points`, (Q,)."""
 
 ForwardModel = Callable[..., Prediction]
-"""From a suspension to what should have been measured on it. One that takes `times`, (T,) in s, as
-well predicts a curve between its readings."""
+"""Function from a suspension to its predictions. If it takes `times`, (T,) in s, as well, it
+predicts a curve between its readings."""
 
 ForwardModelMaker = Callable[[Sample, Suspension, int, tuple[str, ...], Path | None], ForwardModel]
-"""Prepares a forward model: from a sample, the suspension near which it will be asked, a seed, the
-names of what will vary, and a folder that keeps a bed as it is simulated."""
+"""Function that prepares a forward model, from a sample, the suspension it is prepared for, a seed,
+the names of the varied parameters, and a folder that stores a simulated bed."""
 
 
 class Layers(NamedTuple):
     """Layers of a tube over which concentrations are averaged, (Q,) each."""
 
     levels: Array
-    """Middle of each, m from the floor."""
+    """Middle of each layer, m above the floor."""
     times: Array
-    """s."""
+    """Time of each reading, s."""
     thickness: Array
-    """m."""
+    """Thickness of each layer, m."""
 
 
 def layers(sample: Sample) -> Layers:
@@ -66,14 +67,14 @@ def prediction(
     """The prediction of everything that can be measured on a sample.
 
     Args:
-      sample: what was measured.
-      suspension: as it is predicted.
+      sample: the sample with its measurements.
+      suspension: the suspension of the prediction.
       velocity: initial velocity, () in m/s.
       final: final height over that of the suspension, ().
       ratio: height over that of the suspension at the sample's times, (T,).
       velocities: initial velocity at each of the sample's fractions, (K,) in m/s.
       concentrations: mean volume fraction of the uncoated particles at each of the sample's points,
-        (Q,); None of a model that predicts none.
+        (Q,); None for a model without them.
     """
     local = {} if concentrations is None else {"concentrations": concentrations}
     return local | {

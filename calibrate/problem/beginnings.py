@@ -1,4 +1,4 @@
-"""Where the fit of an experiment begins: the optima of a model that costs next to nothing."""
+"""Starts of the fit of an experiment: the optima of a cheap model."""
 
 from collections import OrderedDict
 from collections.abc import Callable
@@ -20,37 +20,40 @@ from calibrate.problem.problem import Problem
 Theta = OrderedDict[str, float]
 
 MOST = 3
-"""Optima from which a fit begins."""
+"""Most optima from which a fit starts."""
 TIMES_WORSE, WORSE = 1.05, 2.0
-"""Loss up to which an optimum of the cheap model could be the best of the model itself."""
+"""Factor and summand on the least loss. An optimum of the cheap model with a loss below this limit
+may be the best optimum of the full model."""
 
 
 class Beginnings(NamedTuple):
-    """Where a fit begins, and what else was found."""
+    """Starts of a fit, and further optima of the cheap model."""
 
     promising: list[Theta]
-    """Values, by variable, best first; one at least."""
+    """Start values by variable, best first; at least one set."""
     others: list[Optimum]
-    """Optima of the cheap model that are much worse; finished where that is the model itself."""
+    """Much worse optima of the cheap model; finished if the cheap model is the model of the fit."""
     places: int
-    """Places from which optima were looked for; 0 without a cheap model."""
+    """Number of points from which optima were searched; 0 without a cheap model."""
 
 
 def beginnings(
     experiment: Experiment, model: str | ForwardModelMaker, seed: int, robust: float | None
 ) -> Beginnings:
-    """The optima of a cheap model, or the start where there is none or beds are simulated.
+    """Finds the starts of a fit: the optima of a cheap model, or the start of the experiment.
 
-    Both with the drag of the initial slopes.
+    The start of the experiment is used if the model has no cheap counterpart, or if beds are
+    simulated. In both cases the parameters are first moved to match the initial slopes of the
+    curves.
 
     Args:
       experiment: samples and parameters.
       model: as for `Problem.prepare`.
-      seed: of the places from which optima are looked for.
+      seed: seed of the points from which optima are searched.
       robust: as for `fit`.
 
     Raises:
-      InputError: as `Problem.prepare`.
+      InputError: as for `Problem.prepare`.
     """
     make = forward_model(model)
     cheap = cheap_model(make)
@@ -69,13 +72,13 @@ def begin(
     data: Any = None,
     finished: bool = False,
 ) -> Beginnings:
-    """The optima of a problem that costs next to nothing, or its start where it has no models.
+    """Finds the optima of a problem with cheap models, or its start if it has no models.
 
     Args:
       problem: the experiment, with cheap models.
       residuals, data, robust: as for `fit`.
-      seed: of the places from which optima are looked for.
-      finished: whether those are the models of the fit.
+      seed: seed of the points from which optima are searched.
+      finished: whether the models of the problem are those of the fit.
     """
     unknown = unknowns(problem.start, problem.priors, problem.bounds)
     places = unknown.starts(1 + DRAWN if problem.models else 1, seed)

@@ -1,4 +1,4 @@
-"""Times between the readings of a curve, so that what is predicted is a smooth line."""
+"""Times between the readings of a curve, so that the predicted curve is a smooth line."""
 
 import inspect
 from collections.abc import Sequence
@@ -8,9 +8,10 @@ import numpy as np
 from calibrate.models.prediction import ForwardModel
 
 INTERVALS = 120
-"""Of the time of a curve, at least: no gap between its times is wider."""
+"""Least number of intervals of a curve: no interval is longer than its duration over this
+number."""
 FEWEST_PARTS = 3
-"""Of the time between two readings."""
+"""Least number of intervals between two readings."""
 
 
 def takes_times(model: ForwardModel) -> bool:
@@ -19,13 +20,13 @@ def takes_times(model: ForwardModel) -> bool:
 
 
 def times_between(readings: Sequence[float]) -> np.ndarray:
-    """Times of readings and others between them, from 0 on, so that a predicted curve is smooth.
+    """Times of the readings and times between them, from 0 on, for a smooth predicted curve.
 
     Args:
-      readings: times of readings, in s, (R,).
+      readings: times of the readings, s, (R,).
 
     Returns:
-      increasing times in s, those of readings among them.
+      increasing times, s, which include those of the readings.
     """
     times = np.unique([0.0, *readings])
     widest = times[-1] / INTERVALS

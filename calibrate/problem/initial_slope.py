@@ -1,4 +1,4 @@
-"""The initial slope of a curve sets the scale of the drag, before anything is searched."""
+"""A first guess of the drag from the initial slope of a curve, before any search."""
 
 import jax
 import jax.numpy as jnp
@@ -15,15 +15,15 @@ from mrjax.core.promotion import relaxed_promotion
 SHARE = 1.0 / 3.0
 """Share of a curve's fall over which its slope is taken."""
 STEPS = 4
-"""Steps of Newton's method: velocities are nearly powers of most quantities."""
+"""Newton steps; few suffice, since velocities are nearly powers of most parameters."""
 CERTAIN = 1e-6
-"""Part of the largest velocity's spread below which one does not vary."""
+"""Relative singular value below which a combination of parameters does not change velocities."""
 
 
 def initial_slope(sample: Sample) -> float | None:
-    """The speed at which a curve begins to fall, m/s; None where it does not, or has no curve.
+    """Initial settling speed of a curve, m/s; None without a curve, or if it does not fall.
 
-    Of the straight line through the readings of its first third.
+    It is the slope of the straight line through the readings of the first third of the fall.
     """
     curve = [measurement for measurement in sample.measurements if measurement.observable in CURVES]
     if not curve:
@@ -48,12 +48,14 @@ def initial_slope(sample: Sample) -> float | None:
 def with_initial_slopes(
     experiment: Experiment, unknown: Unknowns, places: np.ndarray
 ) -> np.ndarray:
-    """The most likely places near some, (S, P), at which particles fall as their curves begin to.
+    """Moves points until terminal velocities match the initial slopes of the curves, (S, P).
+
+    Each point makes the shortest move, in standard deviations of the priors.
 
     Args:
       experiment: samples and parameters.
-      unknown: what is fitted.
-      places: logarithms, (S, P).
+      unknown: the fitted parameters.
+      places: the points, logarithms of the parameters, (S, P).
     """
     slopes = [initial_slope(sample) for sample in experiment.samples]
     falling_samples = [
@@ -78,7 +80,7 @@ def with_initial_slopes(
     with relaxed_promotion():
         for _ in range(STEPS):
             slopes_of, mismatch = map(np.asarray, linearised(moved))
-            spread = slopes_of * unknown.spread  # of each velocity by each value, (S, K, P)
+            spread = slopes_of * unknown.spread  # each velocity by each parameter, (S, K, P)
             usable = np.isfinite(spread).all(axis=(1, 2)) & np.isfinite(mismatch).all(axis=1)
             inverse = np.linalg.pinv(spread[usable], rcond=CERTAIN)
             steps = np.einsum("spk,sk->sp", inverse, mismatch[usable])

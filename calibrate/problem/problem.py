@@ -1,4 +1,4 @@
-"""An experiment as residuals: what the fit, which knows nothing of the physics, is given."""
+"""An experiment as residuals, the only input of the fit, which knows no physics."""
 
 from collections import OrderedDict
 from collections.abc import Mapping, Sequence
@@ -27,8 +27,8 @@ from mrjax import terminal_velocity
 from mrjax.io.checkpoint import refuse_foreign
 
 HOLDS_WITHIN = 3.0
-"""Factor on the velocity within which a forward model holds that is prepared for another: a run of
-particles still forgets its start to 1e-5."""
+"""Largest ratio of a velocity to the one that a forward model is prepared for. Up to this ratio a
+run of particles forgets its start to 1e-5."""
 
 
 @dataclass(frozen=True)
@@ -38,11 +38,11 @@ class Problem:
     experiment: Experiment
     """Samples and parameters."""
     models: tuple[ForwardModel, ...]
-    """One for each sample: from a `Suspension` to what should be measured on it, in SI units."""
+    """One for each sample: a function from a `Suspension` to its predictions, in SI units."""
     near: OrderedDict[str, float]
-    """Values, by variable, near which the models are to be asked."""
+    """Values, by variable, for which the models are prepared."""
     everywhere: bool
-    """Whether they hold everywhere all the same."""
+    """True if the models hold at all values, not only near those."""
 
     @classmethod
     def prepare(
@@ -53,15 +53,15 @@ class Problem:
         near: Mapping[str, float] | None = None,
         checkpoint: str | Path | None = None,
     ) -> "Problem":
-        """Does what does not depend on the parameters.
+        """Prepares the forward models: does all work that is independent of the parameters.
 
         Args:
           experiment: samples and parameters.
           model: the name of a forward model, or a function like
             `calibrate.models.column.column`.
-          seed: of the random starts of particles.
-          near: values, by variable, near which it will be asked; left out, the starts.
-          checkpoint: folder that keeps beds as they are simulated, as for `mrjax.settle`.
+          seed: seed of the random positions of particles.
+          near: values, by variable, for which the models are prepared; by default the start.
+          checkpoint: folder that stores simulated beds, as for `mrjax.settle`.
 
         Raises:
           InputError: no such model, or a suspension that cannot be made.
@@ -94,14 +94,15 @@ class Problem:
     def holds_at(self, theta: Mapping[str, float]) -> bool:
         """True if the models hold at these values.
 
-        Velocities are within `HOLDS_WITHIN` of where they are prepared, or not a number.
+        They hold if every velocity is within a factor `HOLDS_WITHIN` of the one that they are
+        prepared for, or is not a number.
         """
         suspension_of = self.experiment.suspension_of
         for sample in () if self.everywhere else self.experiment.samples:
-            wanted, prepared = (
+            at_values, prepared = (
                 _velocities(sample, suspension_of(sample, values)) for values in (theta, self.near)
             )
-            if (np.abs(np.log(wanted / prepared)) > np.log(HOLDS_WITHIN)).any():
+            if (np.abs(np.log(at_values / prepared)) > np.log(HOLDS_WITHIN)).any():
                 return False
         return True
 
@@ -112,14 +113,14 @@ class Problem:
 
     @property
     def priors(self) -> dict[str, LogNormal]:
-        """The priors, by variable, of those that have one."""
+        """Priors by variable, for variables that have one."""
         return {
             fitted.variable: fitted.prior for fitted in self.experiment.parameters if fitted.prior
         }
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
-        """Physical bounds, by variable: a fit keeps within them."""
+        """Physical bounds by variable; a fit stays within them."""
         return {
             parameter.variable: bounds(self.experiment, parameter)
             for parameter in self.experiment.parameters
@@ -127,7 +128,7 @@ class Problem:
 
     @property
     def measurements(self) -> Sequence[tuple[Sample | None, Measurement]]:
-        """All measurements, in the order of the residuals, with the sample that they are of."""
+        """All measurements with their samples, in the order of the residuals."""
         return [
             (sample, measurement)
             for sample in self.experiment.samples
@@ -137,7 +138,8 @@ class Problem:
     def predict(self, theta: dict[str, Array]) -> Array:
         """Predicted measurements, each in the unit of its measurement, (M,).
 
-        Not a number for a sample that cannot be: a fit turns back from there.
+        The prediction is NaN for an impossible suspension, such as one denser than its bed; the fit
+        then turns back.
         """
         predicted = []
         for sample, model in zip(self.experiment.samples, self.models, strict=True):
@@ -149,16 +151,16 @@ class Problem:
 
     @property
     def curves(self) -> list[tuple[Sample, Measurement]]:
-        """Samples that have a curve, each with one of its readings."""
+        """Samples that have a curve, each with the first reading of the curve."""
         pairs = ((sample, sample.readings_of_curve) for sample in self.experiment.samples)
         return [(sample, readings[0]) for sample, readings in pairs if readings]
 
     def predict_curves(self, theta: dict[str, Array], times: Sequence[np.ndarray]) -> list[Array]:
-        """Predicted curves, each at its times, (T,) in s, and in the unit of its readings.
+        """Predicted curves, (T,) each, in the unit of their readings.
 
         Args:
-          theta: by variable.
-          times: those of `times_of_curves`.
+          theta: values by variable.
+          times: times of each curve, s, (T,), as from `times_of_curves`.
         """
         model_of = self._model_of
         curves = []
@@ -169,7 +171,7 @@ class Problem:
         return curves
 
     def times_of_curves(self) -> list[np.ndarray]:
-        """Times of each curve, between its readings too where its model takes them, (T,) in s."""
+        """Times of each curve, s, (T,): between the readings, too, if its model takes times."""
         model_of = self._model_of
         return [
             times_between(sample.times)
@@ -198,23 +200,23 @@ class Problem:
         """(prediction - measurement) / standard deviation, (M,).
 
         Args:
-          theta: by variable.
-          measured: in place of the experiment's values, each in its unit, (M,).
+          theta: values by variable.
+          measured: replaces the measured values of the experiment, each in its unit, (M,).
         """
         measured = jnp.asarray(self.measured) if measured is None else measured
         return (self.predict(theta) - measured) / jnp.asarray(self.errors)
 
     def residuals_with(self, theta: dict[str, Array], errors: Array) -> Array:
-        """(prediction - measurement) / error, (M,), for errors that change with a fit.
+        """(prediction - measurement) / error, (M,), for errors that are estimated with the fit.
 
         Args:
-          theta: by variable.
-          errors: in place of the standard deviations, each in the unit of its value, (M,).
+          theta: values by variable.
+          errors: standard deviations, each in the unit of its measurement, (M,).
         """
         return (self.predict(theta) - jnp.asarray(self.measured)) / errors
 
 
 def _velocities(sample: Sample, suspension: Suspension) -> np.ndarray:
-    """Velocities of the particles of a sample, and those at each concentration of its table."""
+    """Terminal velocities of a sample: of its particles, and at each concentration of its table."""
     undiluted = np.ravel(np.asarray(terminal_velocity(suspension.parameters)))
     return np.concatenate([undiluted, np.asarray(terminal_velocities(sample, suspension))])

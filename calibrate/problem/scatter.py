@@ -1,10 +1,11 @@
-"""The scatter of readings without a stated error, estimated with the fit.
+"""The scatter of readings without a stated error, estimated together with the fit.
 
-The standard deviation of a height or local concentration is its scatter s, that of a velocity s
-times its predicted value p, where the fit ended before. The residuals r = m - p, or (m - p) / p,
-then give s^2 = sum r^2 / nu. Of nu degrees of freedom each reading has one less its leverage, the
-share of a fitted value that is taken from it; so that other measurements and priors count. The fit
-is repeated with the new errors until they stay.
+The standard deviation of a height or of a local concentration is its scatter s. That of a velocity
+is s times its value p as predicted by the fit before. The residuals r = m - p, or (m - p) / p for
+velocities, give s^2 = sum r^2 / nu. The degrees of freedom nu are a sum over the readings of one
+minus the leverage. The leverage is the share of a fitted value that comes from its own reading; so
+other measurements and priors count as well. The fit is repeated with the new errors until these no
+longer change.
 """
 
 from collections.abc import Callable
@@ -23,15 +24,15 @@ from calibrate.least_squares.leverage import leverages
 from calibrate.problem.problem import Problem
 
 FEWEST_FREE = 1.0
-"""Degrees of freedom below which residuals tell no scatter."""
+"""Least degrees of freedom from which a scatter is estimated."""
 MOST_ROUNDS = 20
-"""Fits with errors that follow from the one before."""
+"""Most fits, each with the errors that follow from the fit before."""
 SETTLED = 1e-3
-"""Relative change of every error at which they stay."""
+"""Relative change of the errors below which they have converged."""
 
 
 class WithErrors(Protocol):
-    """A problem as far as its errors are concerned."""
+    """A problem with standard deviations of its measurements."""
 
     @property
     def errors(self) -> np.ndarray:
@@ -47,13 +48,19 @@ def fit_with_scatter(
     with_scatter: Callable[[ProblemType, Fit], ProblemType],
     with_freedom: Callable[[ProblemType, ProblemType], ProblemType],
 ) -> tuple[ProblemType, Fit]:
-    """The fit, and the problem with the errors of which it is; not converged where they go on.
+    """Repeats a fit until the estimated errors no longer change.
 
     Args:
-      problem: it has a scatter to begin with.
-      fit_errors: fits a problem like it with its errors; the number of fits before.
-      with_scatter: the problem with the scatter that the residuals of a fit give.
-      with_freedom: the problem with its own errors, and the degrees of freedom of another.
+      problem: problem with a first guess of its scatter.
+      fit_errors: function that fits a problem with its errors; it also takes the number of fits
+        before.
+      with_scatter: function that gives the problem with the scatter of a fit's residuals.
+      with_freedom: function that gives the first problem with its own errors, and with the degrees
+        of freedom of the second.
+
+    Returns:
+      the problem with the errors of the last fit, and that fit. It is not converged if the errors
+      still change after `MOST_ROUNDS` fits.
     """
     runs = 0
     for number in range(MOST_ROUNDS):
@@ -72,12 +79,12 @@ def _settled(before: WithErrors, after: WithErrors) -> bool:
 
 
 def with_scatter(problem: Problem, fit: Fit) -> Problem:
-    """The problem with the scatter that the residuals of a fit give."""
+    """The problem with the scatter estimated from the residuals of a fit."""
     return replace(problem, experiment=_estimated(problem, fit))
 
 
 def with_freedom(problem: Problem, estimated: Problem) -> Problem:
-    """The problem of the fit, with the degrees of freedom of its scatter, which the end tells."""
+    """The fitted problem with the scatter of the final residuals; its errors stay as they are."""
     pairs = zip(problem.experiment.samples, estimated.experiment.samples, strict=True)
     samples = tuple(
         replace(
@@ -92,7 +99,7 @@ def with_freedom(problem: Problem, estimated: Problem) -> Problem:
 
 
 def _estimated(problem: Problem, fit: Fit) -> Experiment:
-    """The experiment with the scatter that the residuals of a fit give."""
+    """The experiment with the scatter estimated from the residuals of a fit."""
     freedom = 1.0 - leverages(fit.jacobian, fit.prior_precision)
     residuals = uncapped(fit) * problem.errors
     predicted = problem.measured + residuals
@@ -107,9 +114,9 @@ def _estimated(problem: Problem, fit: Fit) -> Experiment:
 
 
 def places_of_scatter(problem: Problem, fit: Fit) -> list[np.ndarray]:
-    """Places of the measurements of each scatter that is what the residuals of a fit give.
+    """Indices of the measurements of each scatter that was estimated from the residuals.
 
-    None of a robust fit, and none of a scatter that is the least there can be.
+    Robust fits have none, and a scatter at its lower limit is left out.
     """
     experiment, groups = problem.experiment, []
     for sample, place in experiment.by_sample():
@@ -134,7 +141,7 @@ def places_of_scatter(problem: Problem, fit: Fit) -> list[np.ndarray]:
 
 
 def uncapped(fit: Fit) -> np.ndarray:
-    """Residuals in standard deviations, (M,), of a robust fit as they are and not as they count."""
+    """Residuals in standard deviations, (M,), without the reduction by a robust fit."""
     if fit.robust is None:
         return fit.residuals
     half = 0.5 * (fit.residuals / fit.robust) ** 2
@@ -162,13 +169,13 @@ def _of_local_table(sample: Sample, table: LocalTable) -> np.ndarray:
 def _with_scatter_of_velocities(
     sample: Sample, residuals: np.ndarray, predicted: np.ndarray, freedom: np.ndarray, robust: bool
 ) -> Sample:
-    """A sample with the relative scatter of its velocities, where it is to be fitted.
+    """The sample with the relative scatter of its velocities, if it is estimated with the fit.
 
     Args:
-      sample: of M measurements.
-      residuals, predicted: each in its unit, (M,).
-      freedom: degrees of freedom of each, (M,).
-      robust: whether outliers are to count less: the median is taken and not the mean square.
+      sample: sample with M measurements.
+      residuals, predicted: residuals and predictions, each in its unit, (M,).
+      freedom: degrees of freedom of each measurement, (M,).
+      robust: True to take the median in place of the mean square, so that outliers count less.
     """
     if sample.scatter is None or sample.scatter.source == "repeats":
         return sample
@@ -183,7 +190,7 @@ def _with_scatter_of_velocities(
 def _with_scatter_of_curve(
     sample: Sample, residuals: np.ndarray, predicted: np.ndarray, freedom: np.ndarray, robust: bool
 ) -> Sample:
-    """A sample with the scatter of its curve, where it is to be fitted; as for velocities."""
+    """The sample with the scatter of its curve, if it is estimated; arguments as for velocities."""
     if sample.curve_scatter is None or sample.curve_scatter.source == "repeats":
         return sample
     in_curve, first_reading = _of_curve(sample), sample.readings_of_curve[0]
@@ -200,7 +207,7 @@ def _with_scatter_of_curve(
 def _with_scatter_of_concentrations(
     sample: Sample, residuals: np.ndarray, predicted: np.ndarray, freedom: np.ndarray, robust: bool
 ) -> Sample:
-    """A sample with the scatter of its local concentrations; as for velocities."""
+    """The sample with the scatter of its local concentrations; arguments as for velocities."""
     for place, table in enumerate(sample.concentrations):
         if table.scatter is None or table.scatter.source == "repeats":
             continue
@@ -220,14 +227,14 @@ def _with_scatter_of_concentrations(
 def _estimate(
     residuals: np.ndarray, freedom: float, robust: bool, least: float, assumed: Scatter
 ) -> Scatter:
-    """The scatter of residuals; the assumed one where too few are free to tell it."""
+    """The scatter of residuals, or the assumed one if there are too few degrees of freedom."""
     if freedom < FEWEST_FREE - 1e-9:
         return assumed
     return Scatter(max(scale_of(residuals, freedom, robust), least), freedom, "fit")
 
 
 def _with_errors(sample: Sample, chosen: np.ndarray, errors: np.ndarray) -> tuple[Measurement, ...]:
-    """The measurements, (M,), the chosen ones with these errors."""
+    """The measurements, (M,), with new errors for the chosen ones."""
     triples = zip(sample.measurements, chosen, errors, strict=True)
     return tuple(
         measurement._replace(standard_deviation=float(error)) if takes else measurement
@@ -236,7 +243,7 @@ def _with_errors(sample: Sample, chosen: np.ndarray, errors: np.ndarray) -> tupl
 
 
 def scale_of(relative: np.ndarray, freedom: float, robust: bool) -> float:
-    """Standard deviation of residuals, (M,), with so many degrees of freedom."""
+    """Standard deviation of residuals, (M,), by their mean square, or their median if robust."""
     if not robust:
         return float(np.sqrt(np.sum(relative**2) / freedom))
     deviation = np.median(np.abs(relative)) / MEDIAN_OF_NORMAL

@@ -1,4 +1,4 @@
-"""A simulator of a user's own as residuals, and their fit."""
+"""A user's own simulator as residuals, and the fit of it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -25,11 +25,11 @@ from mrjax.core.promotion import relaxed_promotion
 from mrjax.io.checkpoint import refuse_foreign
 
 LEAST_SCATTER = 1e-6
-"""Estimated scatter below which residuals are rounding, over the largest reading."""
+"""Least estimated scatter, over the largest reading; smaller residuals are rounding."""
 AGREES_WITHIN = 1e-3
-"""Part of the largest prediction by which a traced function may differ from one that is called."""
+"""Largest difference of traced and plain predictions, over the largest prediction."""
 MOVED = 1.01
-"""Factor on a value by which a slope of zero is checked."""
+"""Factor on a value, to check a slope of zero."""
 
 
 @dataclass(frozen=True)
@@ -42,11 +42,11 @@ class SimulatorProblem(Problem):
 
     @classmethod
     def of_simulator(cls, simulator: Simulator) -> "SimulatorProblem":
-        """Calls the function at the start, and finds out whether JAX traces it.
+        """Calls the function at the start, and checks whether JAX can trace it.
 
         Raises:
-          InputError: it cannot be called there, its predictions are no match for the readings, or
-            it should be traced and cannot.
+          InputError: the function fails there, its predictions do not match the readings, or it
+            cannot be traced although `differentiable` is true.
         """
         experiment = SimulatedExperiment.of_simulator(simulator)
         problem = cls(experiment, (), experiment.start, everywhere=True)
@@ -54,7 +54,7 @@ class SimulatorProblem(Problem):
         return replace(problem, traced=problem._is_traceable())
 
     def _refuse_the_start(self) -> None:
-        """Refuses a function that gives nothing at the start."""
+        """Refuses a function without finite predictions at the start."""
         values = self._values(self.start)
         values_text = ", ".join(f"{name} = {value:.4g}" for name, value in values.items())
         try:
@@ -64,19 +64,21 @@ class SimulatorProblem(Problem):
         except Exception as error:
             raise InputError(
                 f"predict raises {type(error).__name__} at the start, {values_text}: {error}; "
-                "mend it, or "
-                "give a start where it predicts"
+                "mend it, or give a start where it predicts"
             ) from error
         if not np.isfinite(predicted).all():
             place = int(np.argmin(np.isfinite(predicted)))
             raise InputError(
                 f"predict: prediction {place} is {predicted[place]} at the start, {values_text}; "
-                "give a "
-                "start where it predicts"
+                "give a start where it predicts"
             )
 
     def _is_traceable(self) -> bool:
-        """True if JAX traces the function; refused where it should and cannot."""
+        """True if JAX can trace the function.
+
+        Raises:
+          InputError: it cannot, although `differentiable` is true.
+        """
         if self.simulator.differentiable is False:
             return False
         try:
@@ -99,7 +101,7 @@ class SimulatorProblem(Problem):
 
     @property
     def bounds(self) -> dict[str, tuple[float, float]]:
-        """Bounds of the odds of what is between bounds, by variable."""
+        """Bounds of the odds of bounded parameters, by variable."""
         ends = NEAREST / (1.0 - NEAREST), (1.0 - NEAREST) / NEAREST
         return {
             parameter.variable: ends for parameter in self.experiment.parameters if parameter.bounds
@@ -107,11 +109,11 @@ class SimulatorProblem(Problem):
 
     @property
     def measurements(self) -> Sequence[tuple[Sample | None, Measurement]]:
-        """The readings, of no sample."""
+        """The readings as measurements without a sample."""
         return [(None, measurement) for measurement in self.experiment.measurements]
 
     def _values(self, theta: Mapping[str, Any]) -> dict[str, Any]:
-        """Values by name, held ones too, from the fit's variables."""
+        """Parameter values by name, held ones included, from the variables of the fit."""
         free = {
             parameter.name: parameter.value(theta[parameter.variable])
             for parameter in self.experiment.parameters
@@ -119,10 +121,10 @@ class SimulatorProblem(Problem):
         return free | self.simulator.held
 
     def predict(self, theta: Mapping[str, ArrayLike]) -> Any:
-        """Predictions for numbers, by variable, (M,).
+        """Predictions of the plain function for values by variable, (M,).
 
         Raises:
-          InputError: they are no match for the readings.
+          InputError: predictions that are not one real number for each reading.
         """
         numbers = {name: float(x) for name, x in self._values(theta).items()}
         with np.errstate(all="ignore"), relaxed_promotion():
@@ -145,10 +147,10 @@ class SimulatorProblem(Problem):
             )
 
     def residuals_with(self, theta: Mapping[str, Any], errors: Any) -> Any:
-        """(prediction - reading) / error, (M,), traced or of numbers.
+        """(prediction - reading) / error, (M,); traced by JAX if the function can be.
 
         Args:
-          theta: by variable.
+          theta: values by variable.
           errors: standard deviations of the readings, (M,).
         """
         if self.traced:
@@ -161,7 +163,7 @@ class SimulatorProblem(Problem):
         return predicted if errors is None else (predicted - jnp.asarray(self.measured)) / errors
 
     def with_scatter(self, fitted: Fit) -> "SimulatorProblem":
-        """The problem with the scatter that the residuals of a fit give.
+        """The problem with the scatter estimated from the residuals of a fit.
 
         Raises:
           InputError: as many values are fitted as there are readings.
@@ -169,8 +171,9 @@ class SimulatorProblem(Problem):
         free = self.measured.size - float(leverages(fitted.jacobian, fitted.prior_precision).sum())
         if free < FEWEST_FREE - 1e-6:
             raise InputError(
-                f"errors: are left out, and {self.measured.size} readings less what is fitted to "
-                "them do not tell their scatter; state errors, or give more readings"
+                f"errors: are left out, and {self.measured.size} readings are too few to "
+                "estimate their scatter beside the fitted values; state errors, or give more "
+                "readings"
             )
         least = LEAST_SCATTER * (float(np.abs(self.measured).max()) or 1.0)
         estimated = scale_of(uncapped(fitted) * self.errors, free, fitted.robust is not None)
@@ -180,14 +183,14 @@ class SimulatorProblem(Problem):
         return replace(self, experiment=experiment)
 
     def with_freedom(self, estimated: "SimulatorProblem") -> "SimulatorProblem":
-        """The problem with its own errors, and the degrees of freedom that the end tells."""
+        """The problem with its own errors, and with the scatter of the final residuals."""
         experiment = replace(self.experiment, scatter=estimated.experiment.scatter)
         return replace(self, experiment=experiment)
 
     def refuse_untrue_slopes(self, fitted: Fit) -> None:
-        """Refuses a traced function that is not the one that is called.
+        """Refuses a traced function that differs from the plain one.
 
-        One that stops gradients, or remembers what it was traced with, has slopes of zero.
+        A function that stops gradients, or keeps values of its first trace, has slopes of zero.
 
         Raises:
           InputError: predictions, or a slope that is zero, differ from those of plain calls.
@@ -201,9 +204,8 @@ class SimulatorProblem(Problem):
         if np.abs(plain_predictions - traced).max() > allowed:
             place = int(np.argmax(np.abs(plain_predictions - traced)))
             raise InputError(
-                f"predict: gives {plain_predictions[place]:.6g} where it is called and "
-                f"{traced[place]:.6g} "
-                f"where JAX traces it; {remedy}"
+                f"predict: gives {plain_predictions[place]:.6g} when called and "
+                f"{traced[place]:.6g} when JAX traces it; {remedy}"
             )
         for parameter, slopes in zip(self.experiment.parameters, fitted.jacobian.T, strict=True):
             if slopes.any():
@@ -213,8 +215,7 @@ class SimulatorProblem(Problem):
             )
             if np.abs(changed_predictions - plain_predictions).max() > 1e-3 * allowed:
                 raise InputError(
-                    f"predict: depends on {parameter.name}, of which its derivative by JAX is "
-                    "zero; "
+                    f"predict: depends on {parameter.name}, but its derivative by JAX is zero; "
                     f"{remedy}"
                 )
 
@@ -228,12 +229,15 @@ def fit_simulator(
     progress: bool = False,
     checkpoint: str | Path | None = None,
 ) -> tuple[SimulatorProblem, Fit]:
-    """The fit of a simulator, and the problem whose residuals it knows.
+    """Fits a simulator.
 
     Args:
       simulator: the function and its readings.
       starts, seed, robust, progress: as for `fit`.
-      checkpoint: folder that keeps what the function gave, as for `fit`.
+      checkpoint: folder that stores the results of the function, as for `fit`.
+
+    Returns:
+      the problem with the errors of the fit, and the fit.
 
     Raises:
       InputError: a function that cannot be fitted, or a checkpoint of another fit.

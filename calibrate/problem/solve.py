@@ -1,7 +1,8 @@
-"""An experiment fitted with a forward model, prepared again where the fit ends far from its start.
+"""Fits an experiment with a forward model, and prepares the model again if the fit ends far away.
 
-What a forward model does once (the length of a run, the steps of a column) it does for the values
-near which it is asked. Where a fit leads far away, that is done anew there.
+A forward model does some work only once, such as choosing the length of a run. It does so for the
+values that it is prepared for. If the fit ends far from these values, the model is prepared again
+at the end of the fit, and the fit goes on.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,7 +25,7 @@ from mrjax import SimulationError
 from mrjax.io.checkpoint import refuse_foreign
 
 MOST_PREPARED = 4
-"""How often at most; a factor of 3 in velocity each."""
+"""Most preparations of the model in one fit; each allows a factor of 3 in velocity."""
 
 
 def fit_experiment(
@@ -38,24 +39,28 @@ def fit_experiment(
     progress: bool = False,
     checkpoint: str | Path | None = None,
 ) -> tuple[Problem, Fit]:
-    """The fit, and the problem whose residuals it knows.
+    """Fits an experiment with a forward model.
 
-    It begins at the optima of a cheap model, where there is one, found from all over the priors.
-    Not converged, too, where it still leads far from where the model was prepared last.
+    The fit starts at the optima of a cheap model, if there is one; these are searched over the
+    whole range of the priors. The fit has not converged if it ends far from the values that the
+    model was last prepared for.
 
     Args:
       experiment: samples and parameters.
       model: as for `Problem.prepare`.
-      begin_with: a cheaper model that is fitted first, from so many starts; the other begins where
-        it ends.
+      begin_with: a cheaper model that is fitted first, with all `starts`; the fit of `model` then
+        starts at its optimum.
       starts, robust, progress: as for `fit`.
-      checkpoint: folder that keeps simulated beds and what the models gave, as for `fit`.
-      seed: of the starts, and of suspensions that are simulated.
+      checkpoint: folder that stores simulated beds and results of the models, as for `fit`.
+      seed: seed of the starts, and of simulated suspensions.
+
+    Returns:
+      the problem whose residuals were fitted, and the fit.
 
     Raises:
-      InputError: a suspension that cannot be made, or a model that cannot be asked for what was
-        measured; or a checkpoint of another fit.
-      SimulationError: the fit that was to begin with did not converge.
+      InputError: a suspension that cannot be made, a model that does not predict what was
+        measured, or a checkpoint of another fit.
+      SimulationError: the fit of the cheaper model did not converge.
     """
     refuse_foreign(checkpoint)
     common: dict[str, Any] = dict(seed=seed, robust=robust, progress=progress)
@@ -102,7 +107,7 @@ def _cheaper(experiment: Experiment, model: str | ForwardModelMaker, **options: 
     _, first = fit_experiment(experiment, model, **options)
     if not first.converged:
         raise SimulationError(
-            "the cheaper model did not converge, so that there is nothing to begin with: leave "
+            "the fit of the cheaper model did not converge, so that it gives no start: leave "
             "it out, or start nearer"
         )
     return first
@@ -116,10 +121,10 @@ def _fitted(
     checkpoint: str | Path | None,
     **options: Any,
 ) -> tuple[Problem, Fit]:
-    """The fit of a prepared problem, with the scatter of its readings where it is to be fitted.
+    """Fits a prepared problem, and the scatter of its readings if that is to be estimated.
 
     Args:
-      problem: where its models are prepared, the search begins.
+      problem: the search starts at the values that its models are prepared for.
       starts, also, checkpoint, options: as for `fit`.
     """
     common: dict[str, Any] = dict(priors=problem.priors, bounds=problem.bounds, **options)

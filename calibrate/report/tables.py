@@ -193,10 +193,9 @@ def _against_priors(problem: Problem, fit: Fit) -> Iterator[str]:
         if abs(deviations) > SURPRISING:
             yield (
                 f"{parameter.label} = {parameter.value(fit.values[place]):.4g} is "
-                f"{abs(deviations):.2g} standard "
-                f"deviations of its prior from its median, {parameter.value(prior.median):.4g}: "
-                "data and "
-                "prior contradict each other; check units, the model and the prior"
+                f"{abs(deviations):.2g} standard deviations of its prior from its median, "
+                f"{parameter.value(prior.median):.4g}: data and prior contradict each other; "
+                "check units, the model and the prior"
             )
 
 
@@ -256,9 +255,8 @@ def _unreliable(problem: Problem, fit: Fit) -> Iterator[str]:
         if unreliable:
             yield (
                 f"slopes with respect to {parameter.label} change by {share:.0%} with the step of "
-                "their "
-                "differences, and so may its error: state another step, or let the simulator "
-                "print more digits"
+                "their differences, and so may its error: state another step, or let the "
+                "simulator print more digits"
             )
 
 

@@ -175,8 +175,7 @@ def _optima(result: dict[str, Any], code: Callable[[str], str]) -> Iterator[str]
         comparison = "as good, beside such a misfit" if result["misfit"] else "nearly as good"
         yield (
             f"Another optimum: {values}, with chi-squared {optimum['chi_squared']:.4g} where this "
-            "fit "
-            f"has {result['chi_squared']:.4g}"
+            f"fit has {result['chi_squared']:.4g}"
             f"{f', {comparison}: data and priors do not tell the two apart' if as_good else ''}."
         )
 
@@ -202,8 +201,7 @@ def _absolute_scatter(row: dict[str, Any], text: Callable[[str], str]) -> str:
         return sentence
     return (
         f"{sentence} It is {row['of_initial']:.0%} of the concentration of the suspension: rather "
-        "a "
-        "front that the model misses than scatter."
+        "a front that the model misses than scatter."
     )
 
 

@@ -491,7 +491,7 @@ def test_a_bed_nobody_told_of_is_refused(tube):
     tube.write_text(f"{lines[0]}[[parameter]]{rest}")
     experiment = Experiment.load(tube)
     for name in ("closed-form", "column"):
-        with pytest.raises(mrjax.InputError, match="how densely its bed lies is not known"):
+        with pytest.raises(mrjax.InputError, match="the volume fraction of its bed is not known"):
             Problem.prepare(experiment, name)
 
 

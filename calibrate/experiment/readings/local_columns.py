@@ -115,8 +115,7 @@ def _concentrations(columns: list[Column], sheet: LocalSheet, at: str) -> list[C
     if len(candidates) > 1:
         raise InputError(
             f"{at}: {in_words(candidates)} may be the concentration; state columns = "
-            f"{{concentration = "
-            f"{shown(candidates[0].named)}}}, or a list of repeats"
+            f"{{concentration = {shown(candidates[0].named)}}}, or a list of repeats"
         )
     return candidates
 

@@ -181,8 +181,7 @@ def _kind(columns: LocalLayout, sheet: LocalSheet) -> str:
     if len(kinds) > 1:
         raise InputError(
             f"{columns.at}: columns of concentrations are of "
-            f"{' and '.join(sorted(map(str, kinds)))}"
-            "; state columns of one kind"
+            f"{' and '.join(sorted(map(str, kinds)))}; state columns of one kind"
         )
     kind = kinds.pop() if kinds else None
     column = columns.concentrations[0].named
@@ -272,8 +271,7 @@ def _unit_of_heights(columns: LocalLayout, sheet: LocalSheet) -> str:
     elif head.unit and head.explicit and unit is None:
         raise InputError(
             f"{columns.at}: column {column} is in {shown(head.unit)}, which is no unit of a "
-            "height; "
-            f"give one of {', '.join(LEVEL.units)}, or state columns"
+            f"height; give one of {', '.join(LEVEL.units)}, or state columns"
         )
     if unit and sheet.height_unit and unit != sheet.height_unit:
         raise InputError(

@@ -146,8 +146,7 @@ def _contradiction(
     """The error of a header that says another thing than the experiment file."""
     return InputError(
         f"{columns.at}: column {shown(column.named)} is {header_says}, and {key} = "
-        f"{shown(stated)} is "
-        f"stated; mend the header, or take {key} away"
+        f"{shown(stated)} is stated; mend the header, or take {key} away"
     )
 
 

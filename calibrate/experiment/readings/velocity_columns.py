@@ -139,8 +139,7 @@ def _stated(
             count = "no column" if not fits else f"{len(fits)} columns"
             raise InputError(
                 f"{at}: columns.{role} = {shown(name)}: there is {count} of it; give a name or "
-                "number of the header, which is "
-                f"{_listed(columns)}"
+                f"number of the header, which is {_listed(columns)}"
             )
         chosen += fits
     return chosen
@@ -161,8 +160,7 @@ def _concentrations(
     if len(candidates) > 1 and len(of_kind) != 1:
         raise InputError(
             f"{at}: {_listed(candidates)} may be the concentration; state columns = "
-            f"{{concentration = "
-            f"{shown(candidates[0].named)}}}"
+            f"{{concentration = {shown(candidates[0].named)}}}"
         )
     return of_kind if len(candidates) > 1 else candidates
 
@@ -196,6 +194,5 @@ def _without(columns: list[VelocityColumn], at: str) -> str:
     header_text = shown(", ".join(column.written for column in columns[:4])) if named else "missing"
     return (
         f"{at}: the header is {header_text}; give a concentration and one of velocity or flux, or "
-        "state "
-        f"{EXAMPLE}"
+        f"state {EXAMPLE}"
     )
