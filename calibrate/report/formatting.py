@@ -8,6 +8,7 @@ from calibrate.experiment.readings import concentrations
 from calibrate.experiment.sample import Point
 from calibrate.experiment.units import CURVES, HEIGHT_UNITS, TIME_UNITS
 from calibrate.inference.identify import WITHOUT_PRIOR
+from mrjax.core.text import with_error as with_error
 
 SMALLEST_P = 1e-12
 """Below which a p-value says nothing more."""
@@ -21,16 +22,6 @@ def spelled(observable: str) -> str:
 def by_chance(p: float) -> str:
     """A p-value, as it follows the letter."""
     return f"= {p:.2g}" if p > SMALLEST_P else f"< {SMALLEST_P:g}"
-
-
-def with_error(value: float, error: float) -> str:
-    """Value and error with two digits of the error."""
-    if not np.isfinite(error):
-        return f"{value:.4g} (error unbounded)"
-    if error == 0.0:  # such as the height before anything has settled
-        return f"{value:.4g}"
-    digits = max(0, 1 - int(np.floor(np.log10(error))))
-    return f"{value:.{digits}f} ± {error:.{digits}f}"
 
 
 def off(row: dict[str, Any], form: str = "{}") -> str:

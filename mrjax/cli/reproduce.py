@@ -101,7 +101,7 @@ def _markdown(rows: "list[Row]") -> str:
                 row.case,
                 row.quantity,
                 f"{row.printed:g}",
-                "" if row.computed is None else f"{row.computed:.6g}",
+                row.computed_text,
                 row.unit,
                 row.status,
                 row.reason,

@@ -6,6 +6,7 @@ take some characters for their own; a door hands a text over so that it is shown
 
 import html
 import json
+import math
 import re
 
 LONGEST_MESSAGE = 400
@@ -47,6 +48,17 @@ def shortened(text: str, most: int, ends: float = 0.6) -> str:
         return text
     begins = round(ends * (most - 3))
     return f"{text[:begins]}...{text[len(text) - (most - 3 - begins) :]}"
+
+
+def with_error(value: float, error: float) -> str:
+    """Value and error with two digits of the error, such as `61.40 ± 0.77`."""
+    if not math.isfinite(error):
+        return f"{value:.4g} (error unbounded)"
+    if error == 0.0:  # such as the height before anything has settled
+        return f"{value:.4g}"
+    rounded = float(f"{error:.1e}")  # 0.0996 is 0.10
+    digits = max(0, 1 - math.floor(math.log10(rounded)))
+    return f"{value:.{digits}f} ± {error:.{digits}f}"
 
 
 def in_message(text: str) -> str:

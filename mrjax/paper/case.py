@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeVar
 
-from mrjax import Parameters, Recipe
+from mrjax import Parameters, Recipe, standard_error
 from mrjax.paper.runs import CASES, Simulated
 
 T = TypeVar("T")
@@ -43,6 +43,12 @@ class Case:
     def final_ratio(self) -> float:
         """Final sedimentation ratio, simulated; mean of the random starts, %."""
         return self.runs.final_ratio(self.name)
+
+    @property
+    def final_ratio_error(self) -> float | None:
+        """Standard error of `final_ratio`, %; None of a single start."""
+        ratios = self.runs.final_ratios(self.name)
+        return float(standard_error(ratios)) if len(ratios) > 1 else None
 
     def choose(self, *values: T) -> T:
         """The value of this case, of three that are given for `CASES`."""

@@ -3,6 +3,8 @@
 from dataclasses import asdict, dataclass
 from decimal import Decimal
 
+from mrjax.core.text import with_error
+
 
 @dataclass(frozen=True)
 class Row:
@@ -16,6 +18,17 @@ class Row:
     status: str
     """reproduced, corrected or not reproducible."""
     reason: str
+    standard_error: float | None = None
+    """Standard error of a computed number that is a mean of random starts."""
+
+    @property
+    def computed_text(self) -> str:
+        """The computed number with the digits that its error allows, or with six."""
+        if self.computed is None:
+            return ""
+        if self.standard_error is None:
+            return f"{self.computed:.6g}"
+        return with_error(self.computed, self.standard_error)
 
 
 def row(
@@ -27,6 +40,7 @@ def row(
     reason: str = "",
     otherwise: str = "corrected",
     within: float | None = None,
+    standard_error: float | None = None,
 ) -> Row:
     """A row; `reproduced` where the computed number rounds to the printed one, or is `within`."""
     number = Decimal(printed)
@@ -41,6 +55,7 @@ def row(
         unit,
         "reproduced" if agrees else otherwise,
         reason,
+        standard_error,
     )
 
 

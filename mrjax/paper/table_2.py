@@ -160,6 +160,7 @@ def _final_ratio(case: Case) -> Row:
         _about_beds(case.runs.final_ratios(case.name)),
         "not reproducible",
         within=FINAL_RATIO_WITHIN,
+        standard_error=case.final_ratio_error,
     )
 
 

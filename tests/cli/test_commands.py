@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 import signal
 from functools import partial
 from pathlib import Path
@@ -306,7 +307,8 @@ def test_calibrate_predicts_what_was_not_fitted(tmp_path):
     )
     assert status == 0, err
     assert "B, not fitted: initial velocity 4.30 ± 0.86 mm/day predicted, 3.6 ± 0.1" in out
-    assert "case2, not fitted: initial velocity 7.995 ± 0.100 mm/day predicted." in out
+    predicted = r"case2, not fitted: initial velocity (7\.99|8\.00) ± 0\.10 mm/day predicted\."
+    assert re.search(predicted, out)
     fit = json.loads((tmp_path / "fit" / "fit.json").read_text())
     assert [one["sample"] for one in fit["left_out"]] == ["A", "A", "B", "B"]
     assert fit["posterior"]["converged"] is True and fit["posterior"]["r_hat"] < 1.01

@@ -86,10 +86,17 @@ def test_a_row_is_reproduced_to_its_printed_digits():
     assert make_row("c", "q", "4.0", 1.9, "%", "", "why", within=2.0).status == "why"
 
 
+def test_a_mean_of_starts_has_the_digits_that_its_error_allows():
+    of = partial(make_row, "c", "q", "69.3", unit="%")
+    assert of(68.3195, standard_error=0.7071).computed_text == "68.32 ± 0.71"
+    assert of(68.3195, standard_error=None).computed_text == "68.3195"
+    assert of(None).computed_text == ""
+
+
 def test_rows_are_written_as_json(rows, tmp_path):
     write_json(tmp_path / "rows.json", as_tables(list(rows.values())))
     read = json.loads((tmp_path / "rows.json").read_text())
-    keys = {"case", "quantity", "printed", "computed", "unit", "status", "reason"}
+    keys = {"case", "quantity", "printed", "computed", "unit", "status", "reason", "standard_error"}
     assert all(set(row) == keys for row in read)
 
 
@@ -131,6 +138,10 @@ def test_a_final_ratio_is_the_mean_of_its_starts(paper_runs, ratios, computed, s
     above = found["case3", "final ratio above the measured one"]
     assert above.computed == near(100 * (computed / 90 - 1)) and above.status == "corrected"
     assert "below, not above" in above.reason
+    for one in (below, above):
+        error = 1.0 / {"case2": 0.78, "case3": 0.90}[one.case] if ratios == (70.0, 72.0) else None
+        assert error is None or one.standard_error == near(error)
+        assert (one.standard_error is None) == (len(ratios) == 1)
     reason = found["case3", "final sedimentation ratio"].reason
     spread = "71.00 +- 1.00, mean and standard error of 2 random starts, 70.0 to 72.0"
     if ratios[0] == 70.0:

@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import mrjax
@@ -14,7 +15,11 @@ RATIOS = {"case1": 70.2, "case2": 70.2, "case3": 90.9}
 
 @pytest.fixture(scope="module")
 def computed():
-    runs = SimpleNamespace(velocities=VELOCITIES, final_ratio=RATIOS.get)
+    runs = SimpleNamespace(
+        velocities=VELOCITIES,
+        final_ratio=RATIOS.get,
+        final_ratios=lambda case: np.array([RATIOS[case] - 0.78, RATIOS[case] + 0.78]),
+    )
     cases = {name: Case(name, mrjax.Recipe.load(name), runs) for name in RATIOS}
     return {(row.case, row.quantity): row for row in text.rows(cases, runs)}
 
@@ -37,6 +42,15 @@ def computed():
 )
 def test_a_number_of_the_text_by_hand(computed, case, quantity, value):
     assert computed[case, quantity].computed == pytest.approx(value, rel=1e-9, abs=0.0)
+
+
+def test_an_error_is_that_of_the_ratio_over_the_measured_one(computed):
+    """0.78 is the standard error of 70.2 less and more 0.78."""
+    found = {key: one.standard_error for key, one in computed.items() if one.standard_error}
+    assert found == {
+        ("case2", "final ratio below the measured one"): pytest.approx(1.0),
+        ("case3", "final ratio above the measured one"): pytest.approx(100 * 0.78 / 90),
+    }
 
 
 def test_these_are_all(computed):

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from mrjax.core.text import with_error
 from mrjax.io.files import markdown_table
 from mrjax.observables import interface
 from mrjax.simulation.overlap import OVERLAP
@@ -50,7 +51,7 @@ class Ensemble:
 
     def shown(self, column: str = "top") -> str:
         """Mean and standard error."""
-        return f"{self.mean(column):.2f} ± {self.error(column):.2f}"
+        return with_error(self.mean(column), self.error(column))
 
 
 _lines = cache(beds.known)
@@ -89,7 +90,7 @@ def paired(one: Ensemble, other: Ensemble, column: str = "top") -> tuple[float, 
 
 def signed(pair: tuple[float, float]) -> str:
     """A difference with its error."""
-    return f"{pair[0]:+.2f} ± {pair[1]:.2f}"
+    return "+" * (pair[0] > 0) + with_error(*pair)
 
 
 def like_for_like() -> dict[tuple[str, str, float], tuple[float, float]]:
@@ -152,7 +153,7 @@ def _inferred() -> str:
             column,
             f"{friction:g}",
             *(ours("dropped", sample, "walls", friction).shown(column) for sample in SAMPLES),
-            f"{miss(column, friction):.2f}",
+            f"{miss(column, friction):.1f}",
         ]
         for column in interface.HEIGHTS
         for friction in frictions
@@ -223,12 +224,15 @@ def independence() -> dict[str, dict[str, float]]:
     for variant in (TWICE, *VARIANTS):
         varied, base = of(variant), of(TWICE if variant.startswith(f"{TWICE},") else AS_IS)
         moved, error = paired(varied, base)
+        mass, mass_error = paired(varied, base, "mass-quantile")
         curve = [abs(paired(varied, base, f"top_{at}")[0]) for at in range(1, beds.MOMENTS + 1)]
         found[variant] = {
             "ratio": varied.mean(),
+            "ratio_error": varied.error(),
             "moved": moved,
             "error": error,
-            "mass": paired(varied, base, "mass-quantile")[0],
+            "mass": mass,
+            "mass_error": mass_error,
             "curve": max(curve),
         }
     return found
@@ -248,10 +252,10 @@ def _independent() -> str:
         (
             [
                 variant,
-                f"{one['ratio']:.3f}",
-                f"{one['moved']:+.3f} ± {one['error']:.3f}",
-                f"{one['mass']:+.3f}",
-                f"{one['curve']:.3f}",
+                with_error(one["ratio"], one["ratio_error"]),
+                signed((one["moved"], one["error"])),
+                signed((one["mass"], one["mass_error"])),
+                f"{one['curve']:.2g}",
             ]
             for variant, one in independence().items()
         ),
