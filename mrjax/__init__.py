@@ -21,7 +21,7 @@ aliases.install("mrjax", aliases.OLD_NAMES, aliases.FUNCTIONS)
 
 
 def __getattr__(name: str) -> Any:
-    """A public name, or the module that an old name stands for."""
+    """Returns a public name, or the module that an old name stands for."""
     if name in aliases.OLD_NAMES and name not in __all__:
         return importlib.import_module(f"mrjax.{name}")
     return _public(name)

@@ -52,7 +52,7 @@ def raise_if_stopped() -> None:
     Raises:
       StoppedError: Ctrl-C came. It ends the piece of work, which then raises `KeyboardInterrupt`.
     """
-    _stop.look()
+    _stop.check()
 
 
 def wait_for(result: Any) -> Any:

@@ -56,14 +56,14 @@ def refuse(case: Case) -> None:
     Raises:
       InputError: the first argument that does not.
     """
-    checks.of_kind(Parameters, parameters=case.parameters)
+    checks.require_class(Parameters, parameters=case.parameters)
     velocity = jnp.shape(terminal_velocity(case.parameters))
     if velocity != ():
         raise InputError(
             f"parameters are those of {velocity} particles; a column settles as equal ones: give "
             "one number for each parameter, such as the radius of the mean settling velocity"
         )
-    checks.meaningful(case.parameters, 1, None, contacts=False)
+    checks.refuse_bad_parameters(case.parameters, 1, None, contacts=False)
     for bound in (*bounds(case), *compression_bounds(case)):
         _refuse_number(bound)
     _refuse_times(case.times)

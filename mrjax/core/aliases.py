@@ -1,7 +1,7 @@
-"""Names of modules from before the rooms, so that old imports keep working: a table a package.
+"""Old module names, so that old imports keep working: one table for each package.
 
 `mrjax.contact`, `import mrjax.contact` and `from mrjax.contact import normal_force` give the module
-that took over. New code uses the new names.
+that replaced the old one. New code uses the new names.
 """
 
 import importlib
@@ -100,7 +100,7 @@ OLD_NAMES = {
     "viewers": "io.viewers",
     "watching": "simulation.progress",
 }
-"""Today's name within the package, by the old one."""
+"""Current name within the package, by the old name."""
 FUNCTIONS = (
     "column",
     "concentration",
@@ -110,13 +110,13 @@ FUNCTIONS = (
     "settle",
     "simulate",
 )
-"""Old names that are functions of the package, too: these come first."""
+"""Old module names that are also functions of the package; the function takes precedence."""
 
 
 class Aliases:
-    """Finds a module of a package by its old name.
+    """Finder and loader of a package's modules by their old names.
 
-    No subclass of `importlib.abc`, which takes longer to import than all of mrjax.
+    It is no subclass of `importlib.abc`, which takes longer to import than all of mrjax.
     """
 
     def __init__(self, package: str, old_names: Mapping[str, str]) -> None:
@@ -125,36 +125,37 @@ class Aliases:
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """The specification of an old name; None of all others."""
+        """Returns the specification of an old name; None for any other name."""
         package, _, name = fullname.partition(".")
         if package == self.package and name in self.old_names:
-            return ModuleSpec(fullname, self)  # type: ignore[arg-type] # has what a loader has
+            return ModuleSpec(fullname, self)  # type: ignore[arg-type] # has a loader's methods
         return None
 
     def create_module(self, spec: ModuleSpec) -> None:
-        """An empty one, which today's module replaces."""
+        """Returns None: Python makes an empty module, which `exec_module` replaces."""
 
     def exec_module(self, module: ModuleType) -> None:
-        """Puts today's module in its place."""
+        """Registers the current module under the old name."""
         old = module.__name__
         new = self.old_names[old.partition(".")[2]]
         sys.modules[old] = importlib.import_module(f"{self.package}.{new}")
 
 
 def install(package: str, old_names: Mapping[str, str], functions: Sequence[str]) -> None:
-    """Makes the old names of a package known.
+    """Makes the modules of a package importable by their old names.
 
     Args:
-      package: its name.
-      old_names: today's name within the package, by the old one.
-      functions: old names that are functions of the package, too: these come first.
+      package: name of the package.
+      old_names: current name within the package, by the old name.
+      functions: old module names that are also functions of the package; the function takes
+        precedence.
     """
 
     class Package(ModuleType):
-        """The package itself: a function is not hidden by the old module of its name."""
+        """The package, whose functions are not hidden by old modules of the same name."""
 
         def __setattr__(self, name: str, value: object) -> None:
-            """Sets an attribute, unless it is such a module."""
+            """Sets an attribute, unless a module would hide a function."""
             if not (name in functions and isinstance(value, ModuleType)):
                 super().__setattr__(name, value)
 

@@ -1,4 +1,4 @@
-"""The container: its size, and on each axis either periodic images or a pair of walls."""
+"""The container: its size, and for each axis either periodic images or a pair of walls."""
 
 import math
 from collections.abc import Callable, Iterable
@@ -15,7 +15,7 @@ from mrjax.core.promotion import relaxed_promotion
 
 AXES = ("x", "y", "z")
 SMALLEST, LARGEST = 1e-30, 1e30
-"""Bounds of a quantity in SI: numbers beyond cannot be computed with."""
+"""Bounds of the magnitude of any quantity in SI; numbers beyond them overflow or underflow."""
 
 
 @jax.tree_util.register_static
@@ -23,14 +23,14 @@ SMALLEST, LARGEST = 1e-30, 1e30
 class Box:
     """A cuboid from the origin to `size`; gravity points along -z.
 
-    Hashable and never traced: it fixes the shapes of a run.
+    A box is hashable and never traced, because it fixes the array shapes of a run.
 
     Args:
       size: edge lengths (x, y, z), m.
       periodic: for each axis, True for periodic images, False for a wall at either end.
 
     Raises:
-      InputError: a size or a list of flags that does not describe a cuboid.
+      InputError: `size` or `periodic` does not describe a cuboid.
     """
 
     size: tuple[float, float, float]
@@ -46,7 +46,8 @@ class Box:
             )
         if not _three(self.periodic, bool):
             raise InputError(
-                f"periodic = {shown(self.periodic)} must be three of true or false, for x, y and z"
+                f"periodic = {shown(self.periodic)} must be three flags, true or false, for x, y "
+                "and z"
             )
         size = tuple(float(length) for length in self.size)
         object.__setattr__(self, "size", size)
@@ -64,7 +65,7 @@ class Box:
 
     @property
     def walled_axes(self) -> tuple[int, ...]:
-        """The axes that end in walls."""
+        """The axes with walls at both ends."""
         return tuple(axis for axis in range(3) if not self.periodic[axis])
 
     def scaled(self, factor: float) -> "Box":
@@ -73,17 +74,17 @@ class Box:
         return Box((x * factor, y * factor, z * factor), self.periodic)
 
     def space(self) -> tuple[Callable, Callable]:
-        """jax-md's pair of functions for this box, both on positions (..., 3) in m.
+        """Returns jax-md's pair of functions for this box, both on positions (..., 3) in m.
 
         Returns:
-          displacement(first, second), the vector from `second` to `first`, to the nearest image on
-          periodic axes; and shift(position, change), the moved position, wrapped into the box on
-          periodic axes.
+          Two functions. `displacement(first, second)` is the vector from `second` to `first`,
+          to the nearest image on periodic axes. `shift(position, change)` is the moved position,
+          wrapped into the box on periodic axes.
         """
         from mrjax.core._jax_md import space
 
-        # Not of jax: jax-md's functions refer to each other in a circle, and would keep a traced
-        # value, and with it dead code in the program, until the collector comes by.
+        # numpy arrays: jax-md's functions form a reference cycle. They would hold a traced value,
+        # and with it dead code in the program, until the garbage collector runs.
         side, periodic = np.array(self.size), np.array(self.periodic)
 
         def on_periodic_axes(wrapped: Array, plain: Array) -> Array:
@@ -107,24 +108,31 @@ class Box:
         return displacement, shift
 
     def wrap(self, position: Array) -> Array:
-        """Positions moved into the box along its periodic axes, by JAX; (N, 3) in m."""
+        """Moves positions (N, 3), in m, into the box along its periodic axes, with JAX."""
         _, shift = self.space()
         return shift(position, jnp.zeros_like(position))
 
     def image(self, position: np.ndarray) -> np.ndarray:
-        """Periodic images that positions lie in, by numpy: whole numbers, 0 in the box.
+        """Returns the periodic image in which each position lies, with numpy.
 
         Args:
-          position: (..., 3) in m.
+          position: positions, (..., 3) in m.
+
+        Returns:
+          Whole numbers, (..., 3): 0 in the box and on axes with walls.
         """
         return np.where(self.periodic, np.floor(position / np.asarray(self.size)), 0.0)
 
     def inside(self, position: np.ndarray, *, below: bool = False) -> np.ndarray:
-        """Positions moved into the box along its periodic axes, by numpy; (..., 3) in m.
+        """Moves positions into the box along its periodic axes, with numpy.
 
         Args:
-          position: (..., 3) in m.
-          below: whether what rounding takes to the upper end becomes 0, as trees of positions need.
+          position: positions, (..., 3) in m.
+          below: True to keep all positions below the upper end: a position that rounding puts on
+            the upper end becomes 0, as a k-d tree needs.
+
+        Returns:
+          Positions, (..., 3) in m.
         """
         size = np.asarray(self.size)
         moved = position - size * self.image(position)
@@ -134,9 +142,9 @@ class Box:
 
 
 def _three(values: object, kind: type) -> bool:
-    """True if these are three of a kind; a flag is not a number, and text is not a list."""
+    """True if these are three values of a kind; True and False do not count as numbers."""
     return (
         isinstance(values, Iterable)
-        and len(listed := list(values)) == 3
-        and all(isinstance(v, kind) and isinstance(v, bool) == (kind is bool) for v in listed)
+        and len(items := list(values)) == 3
+        and all(isinstance(v, kind) and isinstance(v, bool) == (kind is bool) for v in items)
     )

@@ -1,4 +1,4 @@
-"""Argument checks of the ways to run, on concrete values."""
+"""Argument checks of the functions that run a simulation, on concrete values."""
 
 import dataclasses
 import math
@@ -15,103 +15,103 @@ from mrjax.core.parameters import Parameters
 from mrjax.core.state import State
 from mrjax.core.tracing import value_or_none
 
-MOST = 2**31 - 1
-"""Largest number of anything that is counted."""
+LARGEST_COUNT = 2**31 - 1
+"""Largest count of particles, steps or frames."""
 
-INSTEAD = {
+REMEDIES = {
     "State": "a state of particles, from mrjax.place or mrjax.disperse",
     "Parameters": "mrjax.Parameters, such as recipe.parameters()",
     "Box": "mrjax.Box((x, y, z)), in m",
     "Recipe": 'mrjax.Recipe, such as mrjax.Recipe.load("case2")',
     "Run": "a run, from mrjax.simulate or mrjax.settle",
 }
-"""Remedy where something of another kind was given, by the name of the kind."""
+"""Remedy for an argument of the wrong class, by the name of the right class."""
 
 
-def of_kind(kind: type, **arguments: Any) -> None:
-    """Passes arguments that are of a kind: not those that were swapped.
+def require_class(cls: type, **arguments: Any) -> None:
+    """Checks the class of arguments, so that swapped arguments are found.
 
     Args:
-      kind: one of `INSTEAD`.
-      arguments: by name.
+      cls: class that `REMEDIES` names.
+      arguments: values by name.
 
     Raises:
-      InputError: the first that is something else.
+      InputError: an argument is of another class; the message names the first.
     """
     for name, value in arguments.items():
-        if not isinstance(value, kind):
-            given = f"{name} is {type(value).__module__}.{type(value).__qualname__}, {shown(value)}"
-            raise InputError(f"{given.removeprefix('builtins.')}: give {INSTEAD[kind.__name__]}")
+        if not isinstance(value, cls):
+            fault = f"{name} is {type(value).__module__}.{type(value).__qualname__}, {shown(value)}"
+            raise InputError(f"{fault.removeprefix('builtins.')}: give {REMEDIES[cls.__name__]}")
 
 
-def good(run: Any) -> None:
-    """Passes a run whose numbers may be read.
+def require_good_run(run: Any) -> None:
+    """Checks that the argument is a run without faults.
 
     Raises:
-      InputError: it is no run.
-      SimulationError: it is not to be trusted.
+      InputError: the argument is no run.
+      SimulationError: the run has a fault.
     """
     check = getattr(run, "check", None)
     if check is None or isinstance(run, type):
-        raise InputError(f"run is {type(run).__name__}, {shown(run)}: give {INSTEAD['Run']}")
+        raise InputError(f"run is {type(run).__name__}, {shown(run)}: give {REMEDIES['Run']}")
     check()
 
 
-def of_run(state: Any, parameters: Any, box: Any) -> None:
-    """Passes what a run begins with.
+def require_run_inputs(state: Any, parameters: Any, box: Any) -> None:
+    """Checks the classes of the three arguments that every run needs.
 
     Raises:
-      InputError: the first that is of another kind.
+      InputError: an argument is of another class; the message names the first.
     """
-    of_kind(State, state=state)
-    of_kind(Parameters, parameters=parameters)
-    of_kind(Box, box=box)
+    require_class(State, state=state)
+    require_class(Parameters, parameters=parameters)
+    require_class(Box, box=box)
 
 
 def numeric(value: Any) -> np.ndarray | None:
-    """A number or an array of numbers as numpy has it; None where it is traced.
+    """Returns a number or an array of numbers as a numpy array; None if it is traced.
 
     Raises:
-      ValueError: it is none.
+      ValueError: the value is no number.
     """
     try:
-        known = value_or_none(value)
+        array = value_or_none(value)
     except (TypeError, OverflowError) as error:  # such as an integer of hundreds of digits
         raise ValueError(error) from None
-    if known is not None and known.dtype.kind not in "fiu":
+    if array is not None and array.dtype.kind not in "fiu":
         raise ValueError(f"{type(value).__name__} is no number")
-    return known
+    return array
 
 
 def positive(value: ArrayLike, name: str, unit: str) -> float:
-    """A positive number that is known.
+    """Checks a positive number and returns it as a float.
 
     Raises:
-      InputError: it is traced, or not a positive number.
+      InputError: the value is traced, or no positive number.
     """
     try:
-        known = numeric(value)
+        number = numeric(value)
     except ValueError:
         raise InputError(f"{name} = {shown(value)} must be a positive number of {unit}") from None
-    if known is None:
+    if number is None:
         raise InputError(
             f"{name} is traced by jit or vmap; it fixes the number of steps, so give a number in "
             f"{unit}"
         )
-    if known.ndim or not np.isfinite(known) or known <= 0:
+    if number.ndim or not np.isfinite(number) or number <= 0:
         raise InputError(f"{name} = {shown(value)} must be a positive number of {unit}")
-    if not SMALLEST <= known <= LARGEST:
+    if not SMALLEST <= number <= LARGEST:
         raise InputError(
-            f"{name} = {float(known):.6g}: must be between {SMALLEST:g} and {LARGEST:g} {unit}"
+            f"{name} = {float(number):.6g}: must be between {SMALLEST:g} and {LARGEST:g} {unit}"
         )
-    return float(known)
+    return float(number)
 
 
-def whole(value: int, name: str, most: int = MOST) -> int:
-    """A whole number, at least 1.
+def whole(value: int, name: str, most: int = LARGEST_COUNT) -> int:
+    """Checks a whole number, at least 1, and returns it as an int.
 
     Raises:
-      InputError: it is not, or more than `most`.
+      InputError: the value is no such number, or more than `most`.
     """
     number = isinstance(value, Real) and not isinstance(value, bool)
     if not number or value != value or not value >= 1 or (value <= most and int(value) != value):
@@ -121,32 +121,32 @@ def whole(value: int, name: str, most: int = MOST) -> int:
     return int(value)
 
 
-def share(value: float, name: str, *, whole: bool = False) -> float:
-    """A number above 0 and below 1, or up to 1.
+def fraction(value: float, name: str, *, allow_one: bool = False) -> float:
+    """Checks a number above 0 and below 1, or up to 1, and returns it as a float.
 
     Raises:
-      InputError: it is not.
+      InputError: the value is no such number.
     """
-    bound = "at most 1" if whole else "below 1"
+    bound = "at most 1" if allow_one else "below 1"
     number = isinstance(value, Real) and not isinstance(value, bool)
-    if not number or not 0.0 < value <= 1.0 or (value == 1.0 and not whole):
+    if not number or not 0.0 < value <= 1.0 or (value == 1.0 and not allow_one):
         raise InputError(f"{name} = {shown(value)} must be a number above 0 and {bound}")
     return float(value)
 
 
-def meaningful(
+def refuse_bad_parameters(
     parameters: Parameters, particles: int, material: Array | None, *, contacts: bool = True
 ) -> None:
-    """Refuses leaves that describe nothing, where they are known.
+    """Refuses leaves with a wrong shape or a value out of range; traced values pass unchecked.
 
     Args:
-      parameters: of the particles.
-      particles: N.
-      material: of each particle, (N,); None if they are of one.
-      contacts: whether particles may meet; otherwise what only contacts use may be unknown.
+      parameters: parameters of the particles.
+      particles: number of particles N.
+      material: material of each particle, (N,); None if all are of one material.
+      contacts: True if particles may touch; otherwise leaves that only contacts use may be NaN.
 
     Raises:
-      InputError: the first leaf of a shape that does not fit, or out of its range.
+      InputError: a leaf has a wrong shape or is out of range; the message names the first.
     """
     index = None if material is None else value_or_none(material)
     if material is not None and material.shape != (particles,):
@@ -156,7 +156,7 @@ def meaningful(
         leaf = getattr(parameters, quantity.name)
         values = _numbers(leaf, quantity.name)
         if quantity.metadata["pair"]:
-            _table(leaf, quantity.name, materials, material is None)
+            _refuse_table(leaf, quantity.name, materials, material is None)
         elif quantity.metadata["wall"]:
             if np.shape(leaf) != ():
                 raise InputError(
@@ -170,26 +170,26 @@ def meaningful(
             )
         if values is None or (np.isnan(values).all() and quantity.metadata["contact"] > contacts):
             continue
-        _in_range(quantity, values)
+        _refuse_values(quantity, values)
 
 
-def in_range(parameters: Parameters) -> None:
-    """Refuses leaves that are no numbers or out of their range, where they are known.
+def refuse_out_of_range(parameters: Parameters) -> None:
+    """Refuses leaves that are no numbers or out of range; traced values pass unchecked.
 
     Raises:
-      InputError: the first such leaf.
+      InputError: there is such a leaf; the message names the first.
     """
     for quantity in dataclasses.fields(parameters):
         values = _numbers(getattr(parameters, quantity.name), quantity.name)
         if values is not None:
-            _in_range(quantity, values)
+            _refuse_values(quantity, values)
 
 
 def _numbers(leaf: Any, name: str) -> np.ndarray | None:
-    """The values of a leaf; None where it is traced.
+    """Returns the values of a leaf as a numpy array; None if it is traced.
 
     Raises:
-      InputError: they are no numbers.
+      InputError: the values are no numbers.
     """
     if isinstance(leaf, list | tuple):
         raise InputError(f"{name} is a list; give a number or an array")
@@ -199,31 +199,31 @@ def _numbers(leaf: Any, name: str) -> np.ndarray | None:
         raise InputError(f"{name} = {shown(leaf)}: give a number or an array of numbers") from None
 
 
-def _in_range(quantity: dataclasses.Field, values: np.ndarray) -> None:
-    """Refuses values of a leaf that mean nothing.
+def _refuse_values(quantity: dataclasses.Field, values: np.ndarray) -> None:
+    """Refuses values of a leaf that are out of its range.
 
     Raises:
-      InputError: the first such value.
+      InputError: there is such a value; the message shows the first.
     """
     values = np.asarray(values, float)  # float32 cannot hold the bounds
     above, least, most = (quantity.metadata[key] for key in ("above", "least", "most"))
-    good = (values > above) & (values >= least) & (values <= most)
+    valid = (values > above) & (values >= least) & (values <= most)
     if quantity.metadata["contact"] and np.isnan(values).any():
         raise InputError(
             f"{quantity.name} is not known (nan), and particles in contact need it; give it in "
-            f"{quantity.metadata['unit']}, or a material to the particles of the lab sheet"
+            f"{quantity.metadata['unit']}, or give the particles of the lab sheet a material"
         )
-    if not np.all(good):
+    if not np.all(valid):
         bound = f"above {above:g}" if np.isfinite(above) else "finite"
         bound = f"at least {least:g}" if np.isfinite(least) else bound
         bound += f", at most {most:g}" if most < 1e300 else ""
         unit = quantity.metadata["unit"]
         raise InputError(
-            f"{quantity.name} = {values[~good][0] if values.ndim else values} must be {bound}"
+            f"{quantity.name} = {values[~valid][0] if values.ndim else values} must be {bound}"
             + (f", in {unit}" if unit != "1" else "")
         )
     size = np.abs(values)
-    # What may be zero may be as small as it likes.
+    # A quantity that may be zero has no lower bound of its size.
     extreme = (size > LARGEST) & ~(np.isinf(values) & math.isinf(most))
     extreme |= (size < SMALLEST) & (above == 0.0)
     if np.any(extreme):
@@ -234,39 +234,40 @@ def _in_range(quantity: dataclasses.Field, values: np.ndarray) -> None:
         )
 
 
-def _table(leaf: ArrayLike, name: str, materials: int | None, one: bool) -> None:
-    """Refuses what is neither one number nor a table of materials, the walls last.
+def _refuse_table(leaf: ArrayLike, name: str, materials: int | None, single: bool) -> None:
+    """Refuses a leaf that is neither one number nor a table by material with the walls last.
 
     Args:
-      leaf, name: of the parameter.
-      materials: how many there are at least; None where that is traced.
-      one: whether all particles are of one material, and have no index into a larger table.
+      leaf: value of the parameter.
+      name: name of the parameter.
+      materials: least number of materials; None if the materials are traced.
+      single: True if all particles are of one material, without an index into a larger table.
     """
     shape = np.shape(leaf)
     if shape == ():
         return
     square = len(shape) == 2 and shape[0] == shape[1] and shape[0] >= 2
-    if not square or (materials is not None and shape[0] <= materials) or (one and shape[0] > 2):
-        wanted = "" if materials is None else f", here {(materials + 1,) * 2}"
+    if not square or (materials is not None and shape[0] <= materials) or (single and shape[0] > 2):
+        expected = "" if materials is None else f", here {(materials + 1,) * 2}"
         raise InputError(
             f"{name} has shape {shape}; give one number, or a table with a row and a column for "
-            f"each material and a last one for the walls{wanted}"
+            f"each material and a last one for the walls{expected}"
         )
     values = value_or_none(leaf)
     if values is None:
         return
     for i, j in np.argwhere(values != values.T):
         raise InputError(
-            f"{name}[{i}, {j}] = {values[i, j]:g} and {name}[{j}, {i}] = {values[j, i]:g}: the "
-            "same two materials; give a symmetric table"
+            f"{name}[{i}, {j}] = {values[i, j]:g} and {name}[{j}, {i}] = {values[j, i]:g} differ "
+            "for the same two materials; give a symmetric table"
         )
 
 
-def in_reach(state: State) -> None:
-    """Refuses positions, velocities and spins so large that they cannot be computed with.
+def refuse_overflow(state: State) -> None:
+    """Refuses positions, velocities and spins beyond `LARGEST`, which would overflow.
 
     Raises:
-      InputError: the first particle that has one, in m, m/s or rad/s.
+      InputError: there is such a value; the message names the first particle.
     """
     for name in ("position", "velocity", "spin"):
         values = value_or_none(getattr(state, name))
@@ -280,11 +281,15 @@ def in_reach(state: State) -> None:
             )
 
 
-def inside_walls(position: np.ndarray | None, box: Box) -> None:
-    """Refuses particles whose centre is beyond a wall; positions (N, 3) in m, None if traced.
+def refuse_outside(position: np.ndarray | None, box: Box) -> None:
+    """Refuses particles whose centre is beyond a wall.
+
+    Args:
+      position: centres, (N, 3) in m; None if they are traced, and pass unchecked.
+      box: container.
 
     Raises:
-      InputError: the first such particle.
+      InputError: there is such a particle; the message names the first.
     """
     if position is None:
         return
@@ -296,11 +301,11 @@ def inside_walls(position: np.ndarray | None, box: Box) -> None:
             )
 
 
-def between_walls(box: Box, diameter: float) -> None:
-    """Refuses walls so close that a particle of this diameter, m, would touch both at once.
+def refuse_close_walls(box: Box, diameter: float) -> None:
+    """Refuses opposite walls that a particle of this diameter, m, would touch at once.
 
     Raises:
-      InputError: the first such axis.
+      InputError: there are such walls; the message names the first axis.
     """
     for axis in box.walled_axes:
         if box.size[axis] <= diameter:
@@ -310,11 +315,11 @@ def between_walls(box: Box, diameter: float) -> None:
             )
 
 
-def wide_enough(box: Box, particles: int, cutoff: float) -> None:
+def refuse_short_period(box: Box, particles: int, cutoff: float) -> None:
     """Refuses a periodic axis on which two images of one neighbour are within the cutoff, m.
 
     Raises:
-      InputError: the first such axis.
+      InputError: there is such an axis; the message names the first.
     """
     for axis in set(range(3)) - set(box.walled_axes):
         if particles > 1 and box.size[axis] < 2 * cutoff:
@@ -332,10 +337,16 @@ def may_touch(
     travel: float | None,
     diameter: float,
 ) -> bool:
-    """True if surfaces may come into contact while they approach each other by `travel`, m.
+    """True if surfaces may come into contact while they approach each other by `travel`.
 
-    True where positions, (N, 3) in m, radius or travel are traced, None, or where a position is not
-    finite. `radius` is () or (N,), in m; `diameter`, m, is about the largest contact diameter.
+    The answer is True, too, if a value is traced (None) or a position is not finite.
+
+    Args:
+      position: centres, (N, 3) in m.
+      radius: radii, () or (N,) in m.
+      box: container.
+      travel: distance by which two surfaces approach each other, m.
+      diameter: approximate largest contact diameter, m.
     """
     if position is None or radius is None or travel is None or not np.isfinite(position).all():
         return True
@@ -349,15 +360,15 @@ def may_touch(
     reach = max(diameter, 2.0 * float(radius.max())) + travel
     if reach > min(box.size):
         return True
-    side = np.where(box.periodic, box.size, 0.0)  # no side for axes that end in walls
+    side = np.where(box.periodic, box.size, 0.0)  # scipy's sign for an axis without images
     wrapped = box.inside(np.asarray(position, float), below=True)
-    from scipy.spatial import KDTree  # a third of a second, which most calls need not spend
+    from scipy.spatial import KDTree  # its import takes a third of a second; few calls need it
 
     tree = KDTree(wrapped, boxsize=side)
     distance, partner = map(np.asarray, tree.query(wrapped, k=2))
     if np.any(distance[:, 1] - radius - radius[partner[:, 1]] <= travel):
         return True
-    # Of unequal spheres the nearest need not be the first to touch; here few others are in reach.
-    near = tree.sparse_distance_matrix(tree, reach, output_type="ndarray")
-    near = near[near["i"] < near["j"]]
-    return bool(np.any(near["v"] - radius[near["i"]] - radius[near["j"]] <= travel))
+    # The nearest of unequal spheres need not be the first to touch; few pairs are in reach here.
+    pairs = tree.sparse_distance_matrix(tree, reach, output_type="ndarray")
+    pairs = pairs[pairs["i"] < pairs["j"]]
+    return bool(np.any(pairs["v"] - radius[pairs["i"]] - radius[pairs["j"]] <= travel))

@@ -1,17 +1,17 @@
-"""The three ways mrjax says no: wrong input, a result not to be trusted, the system refuses."""
+"""The three errors that mrjax raises: wrong input, a faulty run, a refusal by the system."""
 
 from typing import Any
 
 from mrjax.core import text
 
 LONGEST = 60
-"""Characters of a value that a message shows."""
+"""Largest number of characters of a value in a message."""
 
 
 class InputError(ValueError):
     """An input that cannot be used; the message names the value, the fault and the remedy.
 
-    It is one printable line of at most 400 characters, whatever it is made of.
+    The message is always one printable line of at most 400 characters.
     """
 
     def __init__(self, message: object = "") -> None:
@@ -22,21 +22,22 @@ class SimulationError(RuntimeError):
     """A run ended with a result that must not be used; the message says why and what to change."""
 
     state: Any = None
-    """The last good `mrjax.State`, from which a run can go on with the remedy; None if unknown."""
+    """The last good `mrjax.State`, from which a run can continue after the change; None if there is
+    none."""
     time: float | None = None
     """Time of that state, s from the start of the run."""
     faults: int = 0
-    """Every `Fault` of that run, added up."""
+    """Sum of all `Fault`s of that run."""
 
     def __init__(self, message: object = "") -> None:
         super().__init__(text.in_message(str(message)))
 
 
 class SystemRefusal(OSError):  # noqa: N818 - says who refuses, as no "Error" would
-    """The operating system refuses a file, a stream or memory; the message has name and remedy.
+    """The operating system refused a file, a stream or memory; the message has name and remedy.
 
-    What the system raised is the cause (`__cause__`), with its `errno`. What was computed and kept
-    (`checkpoint`) stays.
+    The system's own error is the cause (`__cause__`), with its `errno`. Results already in a
+    `checkpoint` stay there.
     """
 
     def __init__(self, message: object = "") -> None:
@@ -44,15 +45,15 @@ class SystemRefusal(OSError):  # noqa: N818 - says who refuses, as no "Error" wo
 
 
 def shown(value: object) -> str:
-    """A value as a message has it: one printable line, and only the beginning of what is long."""
+    """Returns a value as text for a message: one printable line, cut after `LONGEST` characters."""
     try:
         line = repr(value)
-    except (ValueError, RecursionError):  # an integer of thousands of digits, tables in tables
+    except (ValueError, RecursionError):  # an integer of thousands of digits, deeply nested tables
         return f"a {type(value).__name__} too long to show"
-    return text.shortened(text.printable(" ".join(line.split())), LONGEST, ends=1.0)
+    return text.shortened(text.printable(" ".join(line.split())), LONGEST, head=1.0)
 
 
 def shown_key(key: object) -> str:
-    """A key of a table as a message has it: as it is where it is a plain word."""
+    """Returns a table's key as text for a message: unquoted if it is a plain word."""
     plain = str(key).isidentifier() and len(str(key)) <= LONGEST
     return str(key) if plain else shown(key)

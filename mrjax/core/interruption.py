@@ -1,8 +1,7 @@
-"""Ctrl-C during a long call: the call ends at the next place where it is safe to.
+"""Ctrl-C during a long call: the call ends at the next point where this is safe.
 
-Python would raise `KeyboardInterrupt` wherever it happens to be. In the middle of a compilation
-that leaves jaxlib 0.10.1 so that it crashes when the interpreter ends; in a callback of the garbage
-collector it is lost.
+Python would raise `KeyboardInterrupt` at any point. During a compilation, jaxlib 0.10.1 then
+crashes when the interpreter ends; in a callback of the garbage collector the exception is lost.
 """
 
 import signal
@@ -14,100 +13,101 @@ from typing import TypeVar
 
 T = TypeVar("T")
 
-LOOK = 0.05
-"""Time between two looks at whether a call in a thread is to be waited for, s."""
+POLL_INTERVAL = 0.05
+"""Time between two checks of a request to stop, while calls in threads are waited for, s."""
 
 
 class StoppedError(BaseException):
-    """A run that was asked to end, by Ctrl-C or by the failure of another.
+    """A run was stopped, by Ctrl-C or because another run failed.
 
-    As `KeyboardInterrupt`, it is no `Exception`: nothing takes it for a fault of the run.
+    Like `KeyboardInterrupt`, it is no `Exception`: no handler takes it for a fault of the run.
     """
 
 
 class Stop:
-    """A request to end runs, made from any thread or signal, looked at after every piece."""
+    """A request to end runs. Any thread or signal can make it; runs check it after every piece."""
 
-    asked = False
+    requested = False
 
-    def look(self) -> None:
-        """Passes where they are not.
+    def check(self) -> None:
+        """Checks whether a stop was requested.
 
         Raises:
-          StoppedError: they are.
+          StoppedError: it was.
         """
-        if self.asked:
+        if self.requested:
             raise StoppedError
 
 
 @contextmanager
 def interruptible() -> Iterator[Stop]:
-    """Turns Ctrl-C into a request to stop; a second Ctrl-C does not wait.
+    """Turns Ctrl-C into a request to stop; a second Ctrl-C interrupts at once.
 
-    Leaves signals alone outside the main thread, which none reaches, and where Ctrl-C is ignored.
+    Signals are left alone outside the main thread, which no signal reaches, and in processes that
+    ignore Ctrl-C.
 
     Raises:
-      KeyboardInterrupt: at the end, if Ctrl-C came.
+      KeyboardInterrupt: at the end, if Ctrl-C was pressed.
     """
     stop, before = Stop(), signal.getsignal(signal.SIGINT)
     if threading.current_thread() is not threading.main_thread() or not callable(before):
         yield stop
         return
-    came: list[int] = []
+    signals: list[int] = []
 
-    def asked(number: int, frame: object) -> None:
-        came.append(number)
-        stop.asked = True
-        if len(came) > 1:
+    def request_stop(number: int, frame: object) -> None:
+        signals.append(number)
+        stop.requested = True
+        if len(signals) > 1:
             raise KeyboardInterrupt
 
-    signal.signal(signal.SIGINT, asked)
+    signal.signal(signal.SIGINT, request_stop)
     try:
         yield stop
     except StoppedError:
-        if not came:
+        if not signals:
             raise
     finally:
         signal.signal(signal.SIGINT, before)
-    if came:
-        before(came[0], None)
-        raise KeyboardInterrupt  # a handler of somebody else's may return
+    if signals:
+        before(signals[0], None)
+        raise KeyboardInterrupt  # in case that handler returns
 
 
 def in_a_thread(call: Callable[[], T], stop: Stop) -> T:
-    """The result of a call that takes long; raises as `results`."""
+    """Runs a long call in a thread and returns its result; raises as `results` does."""
     with _pool(1) as pool:
         return results([pool.submit(call)], stop)[0]
 
 
 def side_by_side(calls: Sequence[Callable[[], T]], threads: int, stop: Stop) -> list[T]:
-    """The results of calls in threads of their own; where one fails, the others are stopped.
+    """Runs calls in threads and returns their results; if one fails, the others are stopped.
 
     Raises:
-      StoppedError: as `stop` asks for; the calls end with the piece that they are at.
-      Exception: that of the first call to fail.
+      StoppedError: a stop was requested; each call ends with its current piece.
+      Exception: the exception of the first call that failed.
     """
     with _pool(threads) as pool:
         return results([pool.submit(call) for call in calls], stop)
 
 
 def results(futures: Sequence[Future[T]], stop: Stop) -> list[T]:
-    """Results of calls, waited for as long as nothing asks to stop; raises as `side_by_side`."""
-    left = set(futures)
-    while left:
-        done, left = wait(left, timeout=LOOK)
-        failed = [future for future in done if future.exception()]
-        if failed and not stop.asked:
-            stop.asked = True
-            wait(left)
+    """Waits for calls and returns their results; raises as `side_by_side` does."""
+    pending = set(futures)
+    while pending:
+        finished, pending = wait(pending, timeout=POLL_INTERVAL)
+        failed = [future for future in finished if future.exception()]
+        if failed and not stop.requested:
+            stop.requested = True
+            wait(pending)
             failed[0].result()
-        stop.look()
+        stop.check()
     return [future.result() for future in futures]
 
 
 @contextmanager
 def _pool(threads: int) -> Iterator[ThreadPoolExecutor]:
-    """Threads whose end is not waited for."""
+    """Thread pool that does not wait for its threads at the end."""
     pool = ThreadPoolExecutor(threads)
     try:
         yield pool

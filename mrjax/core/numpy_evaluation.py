@@ -1,7 +1,8 @@
-"""A few numbers from a law of JAX by numpy: XLA takes longer to compile a law than it is worth.
+"""Evaluation of a law written for JAX with numpy.
 
-The law, written once, is traced, and the operations of what was traced are done one by one. A law
-with one that is not known here is left to JAX.
+For a few numbers, XLA takes longer to compile a law than numpy to evaluate it. The law is traced,
+and numpy does the traced operations one by one. A law with an operation that is not implemented
+here is left to JAX.
 """
 
 from collections.abc import Callable
@@ -14,27 +15,28 @@ from jax.typing import ArrayLike
 
 
 def evaluate_with_numpy(law: Callable, *arguments: Any) -> Any:
-    """Evaluates a law of JAX with numpy; returns numpy arrays.
+    """Evaluates a law written for JAX with numpy; returns numpy arrays.
+
+    Within a JAX transformation, call it under `jax.ensure_compile_time_eval`.
 
     Args:
-      law: a function of JAX.
-      arguments: trees of numbers and arrays; under a trace to be called under
-        `jax.ensure_compile_time_eval`.
+      law: a function written with JAX.
+      arguments: trees of numbers and arrays.
 
     Raises:
       jax.errors.TracerArrayConversionError: an argument that the law reads is traced.
     """
     traced, shapes = jax.make_jaxpr(law, return_shape=True)(*arguments)
     try:
-        with np.errstate(all="ignore"):  # infinite or not a number without a word, as in JAX
-            found = _evaluated(traced, *jax.tree.leaves(arguments))
+        with np.errstate(all="ignore"):  # no warning for infinity or NaN, as in JAX
+            results = _evaluated(traced, *jax.tree.leaves(arguments))
     except _UnknownError:
         return jax.tree.map(np.asarray, law(*arguments))
-    return jax.tree.unflatten(jax.tree.structure(shapes), found)
+    return jax.tree.unflatten(jax.tree.structure(shapes), results)
 
 
 class _UnknownError(Exception):
-    """An operation that is none of those below."""
+    """An operation that is not implemented here."""
 
 
 def _evaluated(closed: ClosedJaxpr, *arguments: ArrayLike) -> list[np.ndarray]:
@@ -45,10 +47,10 @@ def _evaluated(closed: ClosedJaxpr, *arguments: ArrayLike) -> list[np.ndarray]:
     def value(variable: Any) -> np.ndarray:
         if isinstance(variable, Literal):
             return np.asarray(variable.val, variable.aval.dtype)  # type: ignore[attr-defined] # an array
-        return np.asarray(values[variable])  # what nothing reads may be traced
+        return np.asarray(values[variable])  # converted when it is read: the rest may be traced
 
     for equation in jaxpr.eqns:
-        results = _done(equation, [value(variable) for variable in equation.invars])
+        results = _apply(equation, [value(variable) for variable in equation.invars])
         values |= zip(equation.outvars, results, strict=True)
     return [value(variable) for variable in jaxpr.outvars]
 
@@ -65,42 +67,42 @@ REDUCTIONS = {
     "reduce_or": np.bitwise_or, "reduce_sum": np.add,
 }  # fmt: skip
 CALLS = {"jit": "jaxpr", "pjit": "jaxpr", "custom_jvp_call": "call_jaxpr"}
-"""What holds the operations of one that stands for several."""
+"""Parameter that holds the inner operations, by the name of a composite operation."""
 
 
-def _done(equation: JaxprEqn, arguments: list[np.ndarray]) -> list[np.ndarray]:
-    name, given = equation.primitive.name, equation.params
+def _apply(equation: JaxprEqn, arguments: list[np.ndarray]) -> list[np.ndarray]:
+    name, params = equation.primitive.name, equation.params
     first = arguments[0]
     match name:
         case _ if name in ELEMENTWISE:
             return [ELEMENTWISE[name](*arguments)]
         case _ if name in REDUCTIONS:
-            return [REDUCTIONS[name].reduce(first, axis=given["axes"])]
+            return [REDUCTIONS[name].reduce(first, axis=params["axes"])]
         case _ if name in CALLS:
-            return _evaluated(given[CALLS[name]], *arguments)
+            return _evaluated(params[CALLS[name]], *arguments)
         case "div" if first.dtype.kind == "f":
             return [np.divide(*arguments)]
         case "integer_pow" if first.dtype.kind == "f":
-            return [first ** given["y"]]
+            return [first ** params["y"]]
         case "convert_element_type":
-            return [first.astype(given["new_dtype"])]
+            return [first.astype(params["new_dtype"])]
         case "reshape":
-            return [np.reshape(first, given["new_sizes"])]
+            return [np.reshape(first, params["new_sizes"])]
         case "broadcast_in_dim" if len(arguments) == 1:
-            shape = [1] * len(given["shape"])
-            for axis, length in zip(given["broadcast_dimensions"], first.shape, strict=True):
+            shape = [1] * len(params["shape"])
+            for axis, length in zip(params["broadcast_dimensions"], first.shape, strict=True):
                 shape[axis] = length
-            return [np.broadcast_to(np.reshape(first, shape), given["shape"])]
+            return [np.broadcast_to(np.reshape(first, shape), params["shape"])]
         case "select_n" if first.dtype == bool:
             _, otherwise, where = arguments
             return [np.where(first, where, otherwise)]
         case "stack":
-            return [np.stack(arguments, axis=given["axis"])]
-        case "scan" if given["num_consts"] + given["num_carry"] == len(arguments) and (
-            given["num_carry"] == len(equation.outvars)
+            return [np.stack(arguments, axis=params["axis"])]
+        case "scan" if params["num_consts"] + params["num_carry"] == len(arguments) and (
+            params["num_carry"] == len(equation.outvars)
         ):
-            fixed, carried = arguments[: given["num_consts"]], arguments[given["num_consts"] :]
-            for _ in range(given["length"]):
-                carried = _evaluated(given["jaxpr"], *fixed, *carried)
+            fixed, carried = arguments[: params["num_consts"]], arguments[params["num_consts"] :]
+            for _ in range(params["length"]):
+                carried = _evaluated(params["jaxpr"], *fixed, *carried)
             return carried
     raise _UnknownError

@@ -1,8 +1,8 @@
-"""The physical quantities every law reads: one pytree of SI values, any of which can be fitted.
+"""The physical quantities that the laws read: one pytree of SI values, any of which can be fitted.
 
-A leaf is one number for all particles, shape (), or one number for each, shape (N,); what belongs
-to a pair of surfaces is one number, or a table by material.
-Nothing is validated here: the leaves are traced by jit, grad and vmap. `Recipe` validates.
+A leaf is one number for all particles, shape (), or one number for each particle, shape (N,). A
+property of a pair of surfaces is one number, or a table by material.
+Nothing is validated here, because jit, grad and vmap trace the leaves. `Recipe` validates.
 """
 
 import dataclasses
@@ -36,10 +36,10 @@ def _quantity(
     contact: bool = False,
     **keywords: Any,
 ) -> Any:
-    """A leaf with its unit, what it is, its dimension in kg, m and s, and the values it may have.
+    """Declares a leaf: its unit, its description, its dimension in kg, m and s, and its bounds.
 
-    `pair`: it belongs to two surfaces, not to one. `wall`: to the walls, which are all alike.
-    `contact`: only particles in contact use it; NaN where it is not known.
+    `pair`: the leaf is a property of two surfaces, not of one. `wall`: it is a property of the
+    walls, which are all alike. `contact`: only particles in contact use it; NaN if it is unknown.
     """
     metadata = {
         "unit": unit,
@@ -53,7 +53,7 @@ def _quantity(
 
 
 def _described(kind: T) -> T:
-    """Adds to the docstring what each leaf is, in which unit, and its default."""
+    """Adds the description, the unit and the default of each leaf to the docstring."""
 
     def line(leaf: dataclasses.Field) -> str:
         default = "" if leaf.default is dataclasses.MISSING else f" Default {leaf.default:g}."
@@ -70,15 +70,15 @@ def _described(kind: T) -> T:
 class Parameters:
     """Particles, fluid, coating, contact and drag factors of one suspension; shapes () or (N,).
 
-    What belongs to two surfaces in contact (`friction`, `restitution`, `dissipation`,
-    `tangential_dissipation`, `rolling_friction`, `rolling_damping`) is one number for all pairs,
+    Properties of two surfaces in contact (`friction`, `restitution`, `dissipation`,
+    `tangential_dissipation`, `rolling_friction`, `rolling_damping`) are one number for all pairs,
     shape (), or a symmetric table by the materials of `State.material`, the walls last: shape
     (M + 1, M + 1) for M materials of particles.
 
-    `elastic_modulus` and `poisson_ratio` belong to the surface in contact: to the coating where
-    there is one (Son 2018, section 2.4), and are NaN where nobody knows them: only particles in
-    contact need them. With no fluid in the way (`viscosity=0, gravity=0`) the
-    same parameters describe a dry collision.
+    `elastic_modulus` and `poisson_ratio` are those of the surface in contact: of the coating, if
+    there is one (Son 2018, section 2.4). They are NaN if they are unknown; only particles in
+    contact need them. Without a fluid (`viscosity=0, gravity=0`) the same parameters describe a
+    dry collision.
     """
 
     radius: ArrayLike = _quantity(
@@ -165,7 +165,7 @@ class Parameters:
     )
     rolling_damping: ArrayLike = _quantity(
         "1",
-        "h_r, fraction of critical damping of rolling (mrjax.laws.rolling); idle where mu_r = 0.",
+        "h_r, fraction of critical damping of rolling (mrjax.laws.rolling); no effect if mu_r = 0.",
         default=0.0,
         least=0.0,
         pair=True,
@@ -175,13 +175,13 @@ class Parameters:
     )
     added_mass: ArrayLike = _quantity(
         "1",
-        "Added mass over displaced fluid mass: 1/2 for a sphere (Eqs. 11, 21), 0 to leave it out.",
+        "Added mass over displaced fluid mass: 1/2 for a sphere (Eqs. 11, 21), 0 without it.",
         default=0.5,
         least=0.0,
     )
     coating_density: ArrayLike = _quantity(
         "kg/m^3",
-        "rho_c, density of the coating (Eq. 20); without effect where f_r = 1.",
+        "rho_c, density of the coating (Eq. 20); no effect if f_r = 1.",
         mass=1,
         length=-3,
         default=0.0,
@@ -204,10 +204,10 @@ class Parameters:
     )
 
     def replace(self, **changes: ArrayLike) -> "Parameters":
-        """The same parameters with some leaves changed.
+        """Returns a copy of the parameters with some leaves changed.
 
         Raises:
-          TypeError: a name that is not a parameter.
+          TypeError: a name is not a parameter.
 
         Example:
           >>> parameters = mrjax.Recipe.load("case2").parameters()
@@ -217,11 +217,11 @@ class Parameters:
         return dataclasses.replace(self, **changes)
 
     def astype(self, dtype: DTypeLike) -> "Parameters":
-        """Every leaf as an array of `dtype`."""
+        """Returns the parameters with every leaf as an array of `dtype`."""
         return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype), self)
 
     def reduced(self, units: Units) -> "Parameters":
-        """Every leaf in the reduced units of a run."""
+        """Returns the parameters in the reduced units of a run."""
         return dataclasses.replace(
             self,
             **{
@@ -233,5 +233,5 @@ class Parameters:
 
 
 def per_particle(leaf: Array, particles: int) -> Array:
-    """A leaf as one value for each particle, shape (N,)."""
+    """Broadcasts a leaf to one value for each particle, shape (N,)."""
     return jnp.broadcast_to(leaf, (particles,))

@@ -1,4 +1,7 @@
-"""Room for libraries that mix dtypes and ranks, where the caller has made JAX strict."""
+"""JAX's default promotion, for calls into libraries that mix dtypes and ranks.
+
+A caller may have made JAX strict (`jax_numpy_dtype_promotion`, `jax_numpy_rank_promotion`).
+"""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,6 +11,6 @@ import jax
 
 @contextmanager
 def relaxed_promotion() -> Iterator[None]:
-    """JAX's default promotion of dtypes and ranks, for calls into jax-md and optax."""
+    """Context with JAX's default promotion of dtypes and ranks, for calls into jax-md and optax."""
     with jax.numpy_dtype_promotion("standard"), jax.numpy_rank_promotion("allow"):
         yield

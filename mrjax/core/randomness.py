@@ -1,8 +1,8 @@
-"""Random numbers that a seed decides alone, whatever generator JAX is set to.
+"""Random numbers that depend on the seed alone, not on how JAX is configured.
 
-Settings of JAX, and so environment variables such as `JAX_DEFAULT_PRNG_IMPL`, would choose another
-generator, another order of its numbers (`JAX_THREEFRY_PARTITIONABLE`) or another seed
-(`JAX_RANDOM_SEED_OFFSET`).
+JAX's settings, which environment variables can change, select the generator
+(`JAX_DEFAULT_PRNG_IMPL`), the order of its numbers (`JAX_THREEFRY_PARTITIONABLE`) and an offset of
+every seed (`JAX_RANDOM_SEED_OFFSET`). The functions here override all three.
 """
 
 from collections.abc import Iterator
@@ -15,14 +15,14 @@ GENERATOR = "threefry2x32"
 
 
 def key(seed: int) -> Array:
-    """The key of a seed, for `jax.random` inside `ordered`."""
-    # JAX adds its offset to every seed.
+    """Returns the key of a seed, for `jax.random` inside `ordered`."""
+    # JAX adds its offset to every seed; this takes it off again.
     offset: int = jax.config.jax_random_seed_offset  # type: ignore[attr-defined] # made at run time
     return jax.random.key(seed - offset, impl=GENERATOR)
 
 
 @contextmanager
 def ordered() -> Iterator[None]:
-    """Has numbers drawn inside in JAX's default order."""
+    """Context in which random numbers come in JAX's default order."""
     with jax.threefry_partitionable(True):
         yield

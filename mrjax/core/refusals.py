@@ -1,4 +1,4 @@
-"""Refusals of the operating system in one line: the file, the reason, the remedy."""
+"""Errors of the operating system in one line: the file, the reason, the remedy."""
 
 import errno
 import subprocess
@@ -10,7 +10,7 @@ from mrjax.core.errors import SystemRefusal
 from mrjax.core.text import shortened
 
 LONGEST_NAME = 120
-"""Characters of a path that a line shows."""
+"""Largest number of characters of a path in a message."""
 ELSEWHERE = "give another folder, or allow to write there"
 REMEDIES = {
     errno.ENOSPC: "free some space, or give a folder on another disk",
@@ -34,29 +34,31 @@ REMEDIES = {
 """Remedies for errors of the operating system."""
 
 
-def refusal(name: object, error: BaseException, done: str = "cannot be written") -> SystemRefusal:
-    """The refusal of one file or stream.
+def refusal(
+    name: object, error: BaseException, failure: str = "cannot be written"
+) -> SystemRefusal:
+    """Returns the error to raise for a file or stream.
 
     Args:
-      name: of the file or stream.
-      error: what Python raised, an `OSError` in most cases.
-      done: what could not be done with it.
+      name: name of the file or stream.
+      error: the exception that Python raised, an `OSError` in most cases.
+      failure: words for the failed operation.
     """
     if isinstance(error, SystemRefusal):
         return error
-    named = shortened(str(name), LONGEST_NAME)
+    short_name = shortened(str(name), LONGEST_NAME)
     number = getattr(error, "errno", None)
     reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
     remedy = f"; {REMEDIES[number]}" if number in REMEDIES else ""
-    return SystemRefusal(f"{named}: {done} ({reason}){remedy}")
+    return SystemRefusal(f"{short_name}: {failure} ({reason}){remedy}")
 
 
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Names the file where the system refuses something inside; a program that failed likewise.
+    """Context that turns errors of the system, and failed programs, into a message with the file.
 
     Raises:
-      SystemRefusal: in place of what the system raised, which is its cause.
+      SystemRefusal: the system raised an error, which is the cause (`__cause__`).
     """
     try:
         yield
@@ -65,15 +67,15 @@ def writing(path: Path) -> Iterator[None]:
 
 
 def in_one_line(error: BaseException) -> str | None:
-    """The line for what ended a command, if the system refused something; else None."""
+    """Returns the message for an error of the system; None for any other error."""
     if isinstance(error, SystemRefusal):
         return str(error)
     if isinstance(error, OSError):
         return str(refusal(error.filename or "the operating system", error, "refused"))
-    said = str(error)
-    if isinstance(error, MemoryError) or "RESOURCE_EXHAUSTED" in said:
-        reason = said.splitlines()[0][:200] if said else "no more memory"
+    message = str(error)
+    if isinstance(error, MemoryError) or "RESOURCE_EXHAUSTED" in message:
+        reason = message.splitlines()[0][:200] if message else "no more memory"
         return f"memory: refused ({reason}); {REMEDIES[errno.ENOMEM]}"
-    if isinstance(error, RuntimeError) and "can't start new thread" in said:
+    if isinstance(error, RuntimeError) and "can't start new thread" in message:
         return "threads: refused (too many); raise the limit of processes (`ulimit -u`)"
     return None

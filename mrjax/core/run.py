@@ -1,4 +1,4 @@
-"""The result of a simulation, and whether it is one."""
+"""The result of a simulation, with the faults that make it unusable."""
 
 from dataclasses import dataclass, field
 from enum import IntFlag
@@ -16,7 +16,7 @@ from mrjax.core.trajectory import Trajectory
 
 
 class Fault(IntFlag):
-    """Why a run is not to be trusted."""
+    """Reasons why the result of a run must not be used."""
 
     PAIRS_DROPPED = 1
     CELLS_OVERFULL = 2
@@ -40,7 +40,7 @@ REMEDIES = {
     "time_step",
     Fault.TOO_DEEP: "two surfaces overlap by more than a quarter of a radius, where the contact "
     "law does not hold: give a smaller time_step, a stiffer material, or a start without overlap",
-    Fault.ESCAPED: "a particle went through a wall, faster than its contact could turn it: give a "
+    Fault.ESCAPED: "a particle went through a wall, faster than its contact could stop it: give a "
     "smaller time_step",
     Fault.THROUGH_COATING: "two surfaces overlap by more than the thickness of the coating, where "
     "its modulus does not describe the contact: give a thicker or stiffer coating, or the "
@@ -51,7 +51,7 @@ REMEDIES = {
 
 
 def reasons(faults: Fault) -> str:
-    """Why a run with these faults is not to be trusted, and what to change."""
+    """Returns the reasons and remedies for these faults, as text."""
     return "; and ".join(remedy for fault, remedy in REMEDIES.items() if fault in faults)
 
 
@@ -60,45 +60,46 @@ def reasons(faults: Fault) -> str:
 class Run:
     """Observables along a run, and its last state.
 
-    Where a fault was found inside a traced call, every number here is NaN; a plain call raises.
+    A fault in a traced call makes every number here NaN; a fault in a plain call raises.
     """
 
     times: Array
-    """From 0 to the duration, (frames + 1,) in s."""
+    """Recorded times, from 0 to the duration, (frames + 1,) in s."""
     heights: Array
-    """Height of the centre of every particle, (frames + 1, N) in m."""
+    """Heights of the centres of the particles, (frames + 1, N) in m."""
     radius: Array
     """Radius of the coated particles, (N,) in m."""
     mean_velocity: Array
-    """Mean velocity of all particles, downwards, (frames + 1,) in m/s."""
+    """Mean velocity of all particles, positive downwards, (frames + 1,) in m/s."""
     mean_speed: Array
     """Mean of the particles' speeds, (frames + 1,) in m/s. Carries no derivative."""
     state: State
-    """Positions, velocities, spins and the memory of contacts at the end."""
+    """Positions, velocities, spins and contact history at the end."""
     deepest_overlap: Array
-    """Deepest overlap in the run, as a fraction of the radius of one of the two, ()."""
+    """Largest overlap in the run over the radius of the particle, ()."""
     coating_overlap: Array
-    """Deepest overlap as a fraction of the thickness of a coating, (); 0 without one. The law of a
-    homogeneous sphere of the coating's material holds while it is much smaller than 1."""
+    """Largest overlap in the run over the thickness of the coating, (); 0 without a coating. The
+    contact law treats a particle as a homogeneous sphere of the coating's material, which holds
+    while this ratio is much smaller than 1."""
     fault: Array
-    """0, or the sum of every `Fault` that was met, ()."""
+    """Sum of all `Fault`s of the run, (); 0 for a good run."""
     box: Box = field(metadata={"static": True})
-    """The container, which the dispersed suspension filled."""
+    """The container, which the dispersed suspension fills at the start."""
     time_step: float = field(metadata={"static": True})
     """Length of a step, s."""
     steps: int = field(metadata={"static": True})
     """Number of steps."""
     trajectory: Trajectory | None = None
-    """Every particle at every time, where `simulate` was asked for it."""
+    """Every particle at every recorded time, if `simulate` was called with `trajectory=True`."""
     rising: ArrayLike = False
-    """True, (), if the net weights of all particles together point upwards: the suspension creams,
-    with its clear layer below and its bed under the lid."""
+    """True, (), if the sum of the net weights of all particles points upwards: the suspension
+    creams, and has its clear layer at the floor and its bed under the lid."""
 
     @property
     def mudline(self) -> Array:
         """Height of the interface to the clear layer, (frames + 1,) in m.
 
-        The top of the highest particle; of particles that rise, the bottom of the lowest.
+        It is the top of the highest particle or, if the particles rise, the bottom of the lowest.
         """
         radius = self.radius[..., None, :]
         top = jnp.max(self.heights + radius, axis=-1)
@@ -111,26 +112,27 @@ class Run:
         return self.box.height
 
     def check(self) -> None:
-        """Passes where the run is good, and where it is traced and cannot be looked at.
+        """Raises the fault of the run, if it has one; a traced run passes unchecked.
 
         Raises:
-          SimulationError: the run is not to be trusted; the message says why and what to change.
+          SimulationError: the run has a fault; the message says why and what to change.
         """
-        found = value_or_none(self.fault)
-        if found is None or not found.any():
+        fault = value_or_none(self.fault)
+        if fault is None or not fault.any():
             return
-        faults = Fault(int(found.flat[found.argmax()]))
+        faults = Fault(int(fault.flat[fault.argmax()]))
         raise SimulationError(f"{reasons(faults)} ({self.steps} steps of {self.time_step:.3g} s)")
 
 
 def from_bed(run: Run, level: Array) -> Array:
-    """Levels as distances from where the bed grows: the floor, or the lid where particles rise.
+    """Converts heights to distances from the end where the bed grows.
 
-    Its own inverse.
+    The bed grows from the floor or, if the particles rise, from the lid. The function is its own
+    inverse.
 
     Args:
-      run: one, or several side by side.
-      level: heights of one run, or with the leading axis of several; m.
+      run: one run, or several along a leading axis.
+      level: heights, m, with the same leading axis.
     """
     rising = jnp.asarray(run.rising)
     rising = rising.reshape(rising.shape + (1,) * (level.ndim - rising.ndim))

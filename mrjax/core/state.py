@@ -1,4 +1,7 @@
-"""The state of the particles: positions, velocities, spins, contact history; placed by hand."""
+"""The state of the particles: positions, velocities, spins, contact history.
+
+`place` makes one from arrays.
+"""
 
 from dataclasses import dataclass, field
 from numbers import Real
@@ -14,22 +17,23 @@ from mrjax.core.errors import InputError, shown
 
 NOBODY = -1
 WALLS = (-2, -3, -4, -5, -6, -7)
-"""Ids of an empty slot, and of the walls at the lower and upper end of x, y and z."""
+"""Ids of an empty slot (`NOBODY`), and of the walls at the lower and upper end of x, y and z."""
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class ContactHistory:
-    """The memory of every contact of a state, each held by both particles; S slots for each.
+    """History of the contacts of a state: S slots for each of N particles.
 
-    `sliding` and `rolling` are None where no law reads them.
+    Both particles of a contact hold its history. `sliding` and `rolling` are None if no law reads
+    them.
     """
 
     partner: Array
-    """Ids: of a particle, -1 in an empty slot, -2 to -7 for the walls at the lower and
-    upper end of x, y and z; (N, S)."""
+    """Id of the partner, (N, S): the index of a particle, -1 in an empty slot, -2 to -7 for the
+    walls at the lower and upper end of x, y and z."""
     sliding: Array | None
-    """Displacement of the particle's surface along its partner's, (N, S, 3) in m."""
+    """Tangential displacement of the particle's surface against its partner's, (N, S, 3) in m."""
     rolling: Array | None
     """Angle rolled on the partner, (N, S, 3) in rad."""
 
@@ -44,46 +48,46 @@ class State:
     """N particles at one moment."""
 
     position: Array
-    """Centres, (N, 3) in m. On periodic axes they run on past the box (`Box.wrap`)."""
+    """Centres, (N, 3) in m; not wrapped on periodic axes (see `Box.wrap`)."""
     velocity: Array
-    """(N, 3) in m/s."""
+    """Velocities, (N, 3) in m/s; the z component is positive upwards."""
     spin: Array
     """Angular velocity, (N, 3) in rad/s."""
     contacts: ContactHistory | None = None
-    """History of the contacts; None where nothing has touched yet, or without friction."""
+    """History of the contacts; None before the first contact, or without friction."""
     material: Array | None = None
-    """Index into the tables of `Parameters`, (N,); None where all are of one material."""
+    """Index into the tables of `Parameters`, (N,); None if all particles are of one material."""
     contact_diameter: float | None = field(default=None, metadata={"static": True})
     """Largest distance of centres at which two particles touch, m. It fixes the reach of the
-    neighbour list where the parameters are traced; None: read from concrete parameters."""
+    neighbour list if the parameters are traced. None: it is read from concrete parameters."""
 
     @property
     def particles(self) -> int:
-        """N."""
+        """Number of particles N."""
         return self.position.shape[0]
 
 
 def allocate_history(
     particles: int, slots: int, dtype: DTypeLike, *, sliding: bool, rolling: bool
 ) -> ContactHistory | None:
-    """Contacts with room for what a run will remember; None where it remembers nothing."""
+    """Returns an empty contact history with the fields that a run needs; None if it needs none."""
     if not sliding and not rolling:
         return None
-    nothing = jnp.zeros((particles, slots, 3), dtype)
-    nobody = jnp.full((particles, slots), NOBODY, jnp.int32)
-    return ContactHistory(nobody, nothing if sliding else None, nothing if rolling else None)
+    zeros = jnp.zeros((particles, slots, 3), dtype)
+    partner = jnp.full((particles, slots), NOBODY, jnp.int32)
+    return ContactHistory(partner, zeros if sliding else None, zeros if rolling else None)
 
 
 def widened(contacts: ContactHistory | None, slots: int) -> ContactHistory | None:
-    """The same with room for `slots` contacts of each particle."""
+    """Returns the contact history with `slots` slots for each particle; new slots are empty."""
     if contacts is None:
         return None
-    spare = ((0, 0), (0, slots - contacts.partner.shape[1]))
+    padding = ((0, 0), (0, slots - contacts.partner.shape[1]))
 
     def wide(rows: Array | None) -> Array | None:
-        return None if rows is None else jnp.pad(rows, (*spare, (0, 0)))
+        return None if rows is None else jnp.pad(rows, (*padding, (0, 0)))
 
-    partner = jnp.pad(contacts.partner, spare, constant_values=NOBODY)
+    partner = jnp.pad(contacts.partner, padding, constant_values=NOBODY)
     return ContactHistory(partner, wide(contacts.sliding), wide(contacts.rolling))
 
 
@@ -96,20 +100,20 @@ def place(
     contact_diameter: float | None = None,
     dtype: DTypeLike = float,
 ) -> State:
-    """Particles put by hand.
+    """Makes a state from positions, velocities and spins.
 
     Args:
       positions: centres, (N, 3) in m.
-      velocities: (N, 3) in m/s; at rest when left out.
-      spins: (N, 3) in rad/s; none when left out.
-      materials: index of each particle's material into the tables of `Parameters`, (N,); left
-        out, all are of one.
-      contact_diameter: largest distance at which two of them touch, m; only needed where
+      velocities: velocities, (N, 3) in m/s; zero by default.
+      spins: angular velocities, (N, 3) in rad/s; zero by default.
+      materials: index of each particle's material into the tables of `Parameters`, (N,); by
+        default all particles are of one material.
+      contact_diameter: largest distance of centres at which two particles touch, m; needed only if
         `simulate` is called with traced radii.
-      dtype: of the state, and so of a run that starts from it; `float` is JAX's default.
+      dtype: dtype of the state, and so of a run that starts from it; `float` is JAX's default.
 
     Raises:
-      InputError: an array of another shape, or materials that are not whole numbers from 0.
+      InputError: an array has another shape, or `materials` are not whole numbers from 0.
 
     Example:
       >>> state = mrjax.place([[5e-3, 5e-3, 1e-3], [5e-3, 5e-3, 3e-3]], [[0, 0, 0], [0, 0, -0.1]])
@@ -150,10 +154,10 @@ def place(
 
 
 def _array(name: str, values: ArrayLike, dtype: DTypeLike) -> Array:
-    """The values as an array.
+    """Converts values to an array.
 
     Raises:
-      InputError: they are no numbers.
+      InputError: the values are no numbers.
     """
     try:
         return jnp.asarray(values, dtype)
@@ -175,10 +179,10 @@ def _indices(materials: ArrayLike, particles: int) -> Array:
 
 
 def _length(name: str, value: float) -> float:
-    """A length that is known, m.
+    """Returns a length, m, as a float.
 
     Raises:
-      InputError: it is none.
+      InputError: the value is no positive number.
     """
     number = isinstance(value, Real) and not isinstance(value, bool)
     if not number or not SMALLEST <= value <= LARGEST:

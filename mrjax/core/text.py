@@ -1,7 +1,7 @@
-"""Users' text in other languages, through one door each.
+"""Escaping of users' text for messages, terminals, figures, Markdown, HTML and TOML.
 
-Names, labels and keys may hold anything. Messages, terminals, figures, Markdown, HTML and TOML each
-take some characters for their own; a door hands a text over so that it is shown as it is.
+Names, labels and keys may hold any characters, and each of these formats gives some characters a
+meaning of its own. One function for each format escapes a text so that it is shown as it is.
 """
 
 import html
@@ -10,44 +10,47 @@ import math
 import re
 
 LONGEST_MESSAGE = 400
-"""Characters of a message."""
+"""Largest number of characters of a message."""
 LONGEST_LABEL = 32
-"""Characters of a name in a figure, which has room for no more."""
+"""Largest number of characters of a name in a figure."""
 
-_ENDS = 0.3
-"""Part of a long message that is kept of its beginning; the remedy is at its end."""
+_HEAD = 0.3
+"""Share of the characters of a shortened message that come from its beginning; the remedy is at the
+end."""
 _MARKS = re.compile(r"[\\`*\[\]<>&~$#]|(?<![^\W_])_|_(?![^\W_])")
-"""Characters that Markdown reads as its own within a line, except `_` between letters."""
+"""Characters with a meaning in Markdown within a line, except `_` between letters."""
 _LINKS = re.compile(r"(https?|ftp)(?=://)|www(?=\.)", re.IGNORECASE)
-"""Addresses that some readers of Markdown turn into links."""
+"""Addresses that some Markdown renderers turn into links."""
 _LISTS = re.compile(r"^(\d{0,9})(?=[-+=](?![\d.])|(?<=\d)[.)](?:\s|$))")
-"""Text at the beginning of a line that begins a list or underlines a heading."""
+"""Beginnings of lines that Markdown takes for a list item or for the underline of a heading."""
 
 
 def printable(text: str) -> str:
-    """The text in one line, with what is not printable as Python escapes it.
+    """Returns the text in one line, with characters that are not printable escaped as in Python.
 
-    Control characters, line breaks, marks that turn the direction of writing, lone surrogates.
+    Escaped are control characters, line breaks, marks that change the direction of writing, and
+    lone surrogates.
     """
     if text.isprintable():
         return text
     return "".join(
-        one if one.isprintable() else one.encode("unicode_escape").decode("ascii") for one in text
+        character if character.isprintable() else character.encode("unicode_escape").decode("ascii")
+        for character in text
     )
 
 
-def shortened(text: str, most: int, ends: float = 0.6) -> str:
-    """The text, or its beginning and its end with dots between them.
+def shortened(text: str, most: int, head: float = 0.6) -> str:
+    """Returns the text, or its beginning and its end with dots between them.
 
     Args:
-      text: of any length.
-      most: characters.
-      ends: part of them that is of its beginning.
+      text: text of any length.
+      most: largest number of characters of the result.
+      head: share of these characters that come from the beginning of the text.
     """
     if len(text) <= most:
         return text
-    begins = round(ends * (most - 3))
-    return f"{text[:begins]}...{text[len(text) - (most - 3 - begins) :]}"
+    cut = round(head * (most - 3))
+    return f"{text[:cut]}...{text[len(text) - (most - 3 - cut) :]}"
 
 
 def with_error(value: float, error: float) -> str:
@@ -62,50 +65,49 @@ def with_error(value: float, error: float) -> str:
 
 
 def in_message(text: str) -> str:
-    """One printable line of at most `LONGEST_MESSAGE` characters."""
-    return shortened(printable(" ".join(text.split())), LONGEST_MESSAGE, _ENDS)
+    """Returns the text as one printable line of at most `LONGEST_MESSAGE` characters."""
+    return shortened(printable(" ".join(text.split())), LONGEST_MESSAGE, _HEAD)
 
 
 def in_terminal(text: str, encoding: str | None = None) -> str:
-    """One line that moves no cursor and changes no colour.
+    """Returns the text as one line that moves no cursor and changes no colour.
 
     Args:
-      text: of any characters.
-      encoding: of the terminal or file; what it has no form for is escaped.
+      text: text with any characters.
+      encoding: encoding of the terminal or file; characters that it lacks are escaped.
     """
     line = printable(text)
     return line.encode(encoding, "backslashreplace").decode(encoding) if encoding else line
 
 
 def in_figure(text: str) -> str:
-    """A label of matplotlib, which sets what is between dollars as mathematics.
+    """Returns the text as a label for matplotlib, which typesets text between dollars as formulas.
 
-    A legend leaves out what begins with `_`, so a space comes before it.
+    A legend leaves out labels that begin with `_`; they get a space in front.
     """
     label = shortened(printable(text), LONGEST_LABEL).replace("$", r"\$")
     return f" {label}" if label.startswith("_") else label
 
 
 def in_html(text: str) -> str:
-    """Text of an element, or of an attribute between quotation marks."""
+    """Returns the text for an HTML element, or for an attribute between quotation marks."""
     return html.escape(printable(text))
 
 
 class Markdown(str):
-    """Text that is Markdown already: of ours, or through `in_markdown` or `in_code`."""
+    """Text that is Markdown already, and is not escaped again."""
 
 
 def in_markdown(text: str) -> Markdown:
-    """Text of a paragraph, a heading or the cell of a table."""
+    """Escapes text for a paragraph, a heading or the cell of a table."""
     line = _MARKS.sub(r"\\\g<0>", printable(text))
     line = _LISTS.sub(r"\1\\", _LINKS.sub(r"\g<0>\\", line))
-    kept = line.strip(" ")
     before, after = len(line) - len(line.lstrip(" ")), len(line) - len(line.rstrip(" "))
-    return Markdown("&#32;" * before + kept + "&#32;" * after)
+    return Markdown("&#32;" * before + line.strip(" ") + "&#32;" * after)
 
 
 def in_code(text: str) -> Markdown:
-    """Text as code, in a paragraph or the cell of a table."""
+    """Formats text as code, for a paragraph or the cell of a table."""
     line = printable(text)
     fence = "`" * (1 + max(map(len, re.findall("`+", line)), default=0))
     edge = " " if line[:1] + line[-1:] != (line[:1] + line[-1:]).strip("` ") else ""
@@ -113,5 +115,5 @@ def in_code(text: str) -> Markdown:
 
 
 def in_toml(text: str) -> str:
-    """A string of TOML, with its quotation marks."""
+    """Returns the text as a TOML string, with its quotation marks."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -12,13 +12,14 @@ from jax.typing import ArrayLike
 Tree = TypeVar("Tree")
 
 TRACED = (errors.TracerArrayConversionError, errors.ConcretizationTypeError)
-"""Errors of JAX where a number is wanted of a traced value."""
+"""Errors that JAX raises if a traced value is used as a number."""
 
 
 def value_or_none(value: ArrayLike) -> np.ndarray | None:
-    """The value as a numpy array, also under `grad` and `jvp`; None under `jit` or `vmap` over it.
+    """Returns the value as a numpy array, also under `grad` and `jvp`.
 
-    Dropping the derivative uncovers the value that a differentiated call carries.
+    The value is None under `jit` or `vmap` over it. A differentiated call carries the value
+    together with its derivative; the derivative is dropped.
     """
     try:
         return np.asarray(lax.stop_gradient(value) if isinstance(value, jax.core.Tracer) else value)
@@ -27,15 +28,18 @@ def value_or_none(value: ArrayLike) -> np.ndarray | None:
 
 
 def is_concrete(tree: Any) -> bool:
-    """True if no value is traced, and results computed with them are not either."""
+    """True if no value is traced and results computed from the values are not traced either."""
     leaves = jax.tree.leaves(tree)
     traced = any(isinstance(leaf, jax.core.Tracer) for leaf in leaves)
-    # Under a trace of jit constants become traced values, too.
+    # Within jit, constants become traced values, too.
     return not traced and not isinstance(jnp.zeros(()) + 0.0, jax.core.Tracer)
 
 
 def drop_tracers(tree: Tree) -> Tree:
-    """The same tree of numbers, without what differentiates them; traced ones stay as they are."""
+    """Returns the tree with plain numbers in place of differentiated ones.
+
+    Values whose number is unknown (under `jit` or `vmap`) stay as they are.
+    """
 
     def number(leaf: ArrayLike) -> ArrayLike:
         value = value_or_none(leaf)
@@ -46,11 +50,12 @@ def drop_tracers(tree: Tree) -> Tree:
 
 
 def evaluated_or_none(law: Callable, *arguments: Any) -> Any:
-    """Evaluates a law; numpy arrays, or None where the result depends on a traced value.
+    """Evaluates a law to numpy arrays; returns None if the result depends on a traced value.
 
     Args:
-      law: of JAX or numpy.
-      arguments: as `drop_tracers` gives them. Those that the law does not read may be traced.
+      law: a function written with JAX or numpy.
+      arguments: its arguments, from `drop_tracers`. Arguments that the law does not read may be
+        traced.
     """
     try:
         with jax.ensure_compile_time_eval():

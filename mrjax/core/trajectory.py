@@ -11,21 +11,21 @@ from mrjax.core.units import Units
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Trajectory:
-    """N particles at the times of a run."""
+    """Positions, velocities and spins of N particles at the recorded times of a run."""
 
     position: Array
-    """Centres, (frames + 1, N, 3) in m. On periodic axes they run on past the box (`Box.wrap`)."""
+    """Centres, (frames + 1, N, 3) in m; not wrapped on periodic axes (see `Box.wrap`)."""
     velocity: Array
-    """(frames + 1, N, 3) in m/s."""
+    """Velocities, (frames + 1, N, 3) in m/s."""
     spin: Array
     """Angular velocity, (frames + 1, N, 3) in rad/s."""
 
     def in_lab_units(self, units: Units, sound: Array) -> "Trajectory":
-        """Reduced units to SI.
+        """Converts from reduced units to SI.
 
         Args:
-          units: of the run.
-          sound: 1, or not a number for a run that is not to be trusted, ().
+          units: reduced units of the run.
+          sound: 1, or NaN for a run with a fault, ().
         """
         return Trajectory(
             sound * units.length * self.position,

@@ -1,6 +1,6 @@
-"""Reduced units of one run: SI at the public boundary, numbers of order one in the kernel.
+"""Reduced units of one run: SI in the public functions, numbers of order one in the kernel.
 
-Laws are written in any coherent system of units, so the same functions serve both.
+The laws hold in any coherent system of units, so the same functions serve both.
 """
 
 from dataclasses import dataclass
@@ -11,10 +11,10 @@ MM_PER_DAY = 86400e3
 
 @dataclass(frozen=True)
 class Units:
-    """Reduced units, each as its value in SI.
+    """Reduced units, each given by its value in SI.
 
-    Plain floats, so that the factors are formed in double precision whatever the run's dtype:
-    in single precision 1/d**8 of a micrometre particle is already infinite.
+    The values are plain floats, so that conversion factors are computed in double precision in runs
+    of any dtype: in single precision 1/d**8 of a micrometre particle is already infinite.
     """
 
     mass: float  # kg
@@ -22,7 +22,7 @@ class Units:
     time: float  # s
 
     def scale(self, dimension: tuple[int, int, int]) -> float:
-        """SI value of one reduced unit of kg^a m^b s^c, for dimension (a, b, c)."""
+        """Returns the SI value of one reduced unit of kg^a m^b s^c, for dimension (a, b, c)."""
         mass, length, time = dimension
         return self.mass**mass * self.length**length * self.time**time
 
@@ -33,7 +33,7 @@ class Units:
 
 
 def time_in_words(seconds: float) -> str:
-    """A length of time with its unit."""
+    """Returns a duration as text, with its unit."""
     for unit, length in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):
         if seconds >= 2 * length:
             return f"{seconds / length:.2g} {unit}"

@@ -124,11 +124,11 @@ def normal_forces(state: State, parameters: Parameters, box: Box) -> ContactList
 
 def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, ContactForces, Units]:
     """The contacts of a moment and what they exert, in reduced units."""
-    checks.of_run(state, parameters, box)
-    checks.meaningful(parameters, state.particles, state.material)
+    checks.require_run_inputs(state, parameters, box)
+    checks.refuse_bad_parameters(parameters, state.particles, state.material)
     radius = evaluated_or_none(particle.outer_radius, drop_tracers(parameters))
     diameter = schedule.contact_diameter(state, radius, slack=0.0)
-    checks.between_walls(box, diameter)
+    checks.refuse_close_walls(box, diameter)
     length = diameter / 2
     units = Units(mass=1000.0 * length**3, length=length, time=length)
     reduced = reduced_parameters(parameters, units, state)

@@ -26,7 +26,7 @@ def terminal_velocity(parameters: Parameters) -> Array:
     Raises:
       InputError: parameters that are something else.
     """
-    checks.of_kind(Parameters, parameters=parameters)
+    checks.require_class(Parameters, parameters=parameters)
     return jnp.divide(particle.net_weight(parameters), drag.coefficient(parameters))
 
 

@@ -69,7 +69,7 @@ def reynolds_number(velocity: ArrayLike, parameters: Parameters) -> Array:
     Raises:
       InputError: parameters that are something else.
     """
-    checks.of_kind(Parameters, parameters=parameters)
+    checks.require_class(Parameters, parameters=parameters)
     diameter = 2.0 * particle.outer_radius(parameters)
     viscosity = drag.carrier_viscosity(parameters)
     return parameters.fluid_density * velocity * diameter / viscosity

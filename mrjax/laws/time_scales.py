@@ -76,7 +76,7 @@ def time_step(parameters: Parameters, refinement: ArrayLike = REFINEMENT) -> Arr
     Raises:
       InputError: parameters that are something else.
     """
-    checks.of_kind(Parameters, parameters=parameters)
+    checks.require_class(Parameters, parameters=parameters)
     return jnp.minimum(rayleigh_time(parameters), rise_time(parameters)) / refinement
 
 

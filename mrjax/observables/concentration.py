@@ -66,7 +66,7 @@ def concentration(run: Run, levels: ArrayLike, thickness: ArrayLike) -> Array:
       InputError: levels or a thickness that are no slabs, or a box without a floor.
       SimulationError: the run is not to be trusted.
     """
-    checks.good(run)
+    checks.require_good_run(run)
     if value_or_none(thickness) is not None:
         checks.positive(thickness, "thickness", "m")
     if np.ndim(levels) != 1:
@@ -97,7 +97,7 @@ def half_concentration(run: Run) -> Array:
       InputError: a box without a floor.
       SimulationError: the run is not to be trusted.
     """
-    checks.good(run)
+    checks.require_good_run(run)
     box, heights = _with_floor(run.box), from_bed(run, run.heights)
     return from_bed(run, _half_concentration(heights, run.radius, box))
 
@@ -134,7 +134,7 @@ def bed_front(
       InputError: a box without a floor.
       SimulationError: the run is not to be trusted.
     """
-    checks.good(run)
+    checks.require_good_run(run)
     box = _with_floor(run.box)
     if initial_fraction is None:
         initial_fraction = 4.0 / 3.0 * jnp.pi * jnp.sum(run.radius**3) / box.volume

@@ -34,7 +34,7 @@ def settling_velocity(run: Run) -> Array:
     Raises:
       SimulationError: the run is not to be trusted.
     """
-    checks.good(run)
+    checks.require_good_run(run)
     down, up = jnp.max(run.mean_velocity[1:]), jnp.min(run.mean_velocity[1:])
     return jnp.where(down >= -up, down, up)
 
@@ -47,7 +47,7 @@ def top(run: Run) -> Array:
     Raises:
       SimulationError: the run is not to be trusted.
     """
-    checks.good(run)
+    checks.require_good_run(run)
     return run.mudline
 
 
@@ -64,8 +64,8 @@ def mean_of_top(run: Run, fraction: float = 0.05) -> Array:
       InputError: a fraction not in (0, 1].
       SimulationError: the run is not to be trusted.
     """
-    checks.good(run)
-    fraction = checks.share(fraction, "fraction", whole=True)
+    checks.require_good_run(run)
+    fraction = checks.fraction(fraction, "fraction", allow_one=True)
     tops = from_bed(run, run.heights) + run.radius[None, :]
     highest, _ = lax.top_k(tops, max(1, int(fraction * run.radius.size)))
     return from_bed(run, jnp.mean(highest, axis=1))
@@ -86,8 +86,8 @@ def mass_quantile(run: Run, fraction: float = 0.95) -> Array:
       InputError: a fraction not in (0, 1).
       SimulationError: the run is not to be trusted.
     """
-    checks.good(run)
-    fraction = checks.share(fraction, "fraction")
+    checks.require_good_run(run)
+    fraction = checks.fraction(fraction, "fraction")
     return from_bed(run, _mass_quantile(from_bed(run, run.heights), run.radius, fraction))
 
 
@@ -100,7 +100,7 @@ def twice_centre_of_mass(run: Run) -> Array:
     Raises:
       SimulationError: the run is not to be trusted.
     """
-    checks.good(run)
+    checks.require_good_run(run)
     volume = run.radius**3
     return from_bed(run, 2.0 * (from_bed(run, run.heights) @ volume) / jnp.sum(volume))
 
@@ -148,7 +148,7 @@ def mudline_descent(run: Run) -> Array:
     Raises:
       SimulationError: the run is not to be trusted.
     """
-    checks.good(run)
+    checks.require_good_run(run)
     return -jnp.diff(run.mudline) / jnp.diff(run.times)
 
 
@@ -175,7 +175,7 @@ def asymptotes(run: Run) -> Asymptotes:
       InputError: a run in which nothing has settled.
       SimulationError: the run is not to be trusted.
     """
-    checks.good(run)
+    checks.require_good_run(run)
     filled = from_bed(run, run.mudline)
     descent = filled[0] - filled
     whole = value_or_none(descent[-1])

@@ -54,7 +54,7 @@ def disperse(recipe: Recipe, seed: int = 0, *, dtype: DTypeLike = float) -> Stat
       >>> state.position.shape
       (314, 3)
     """
-    checks.of_kind(Recipe, recipe=recipe)
+    checks.require_class(Recipe, recipe=recipe)
     contacts.refuse_missing(recipe)
     parameters = recipe.parameters()
     particles = recipe.particle_count

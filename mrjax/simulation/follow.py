@@ -52,7 +52,7 @@ def follow(
     """
     chosen = RunOptions(**options)
     refuse_foreign(checkpoint)
-    checks.of_run(state, parameters, box)
+    checks.require_run_inputs(state, parameters, box)
     system = System(state, parameters, as_tree(chosen.hindrance), box)
     with interruptible() as stop:
         plan = plan_run(system, chosen, duration=duration, frames=frames)

@@ -142,7 +142,7 @@ class PiecewiseRun:
     ) -> None:
         """Advances to some intervals beyond a number of frames; raises as `advance`."""
         while (self.place.frame, self.place.interval) < (frame, interval):
-            self.stop.look()
+            self.stop.check()
             before = self.steps
             most = interval if self.place.frame == frame else self.plan.schedule.intervals
             self._piece(frame - self.place.frame, most)

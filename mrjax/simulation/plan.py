@@ -43,10 +43,10 @@ def plan_run(
     frames = checks.whole(frames, "frames")
     duration = checks.positive(duration, "duration", "s")
     skin = checks.positive(options.skin, "skin", "contact diameters")
-    checks.meaningful(parameters, state.particles, state.material)
-    checks.in_reach(state)
+    checks.refuse_bad_parameters(parameters, state.particles, state.material)
+    checks.refuse_overflow(state)
     position, velocity = value_or_none(state.position), value_or_none(state.velocity)
-    checks.inside_walls(position, box)
+    checks.refuse_outside(position, box)
     numbers = drop_tracers(parameters)
     radius = evaluated_or_none(particle.outer_radius, numbers)
     diameter = schedule.contact_diameter(state, radius, slack=skin / 4)
@@ -112,8 +112,8 @@ def _list_plan(
     if options.cell_capacity is not None:
         room = checks.whole(options.cell_capacity, "cell_capacity")
         plan = replace(plan, cell_capacity=min(room, state.particles))
-    checks.between_walls(box, diameter)
-    checks.wide_enough(box, state.particles, plan.cutoff * diameter / 2)
+    checks.refuse_close_walls(box, diameter)
+    checks.refuse_short_period(box, state.particles, plan.cutoff * diameter / 2)
     return plan
 
 

@@ -77,7 +77,7 @@ def sedimentation(
       SimulationError: a bed that does not come to rest, or a run not to be trusted.
     """
     refuse_foreign(checkpoint)
-    checks.of_kind(Recipe, recipe=recipe)
+    checks.require_class(Recipe, recipe=recipe)
     seeds = tuple(seeds) if isinstance(seeds, Iterable) else (seeds,)
     if not seeds:
         raise InputError("seeds is empty: give at least one")

@@ -120,7 +120,7 @@ def _expected(
       InputError: an argument that cannot be used, or suspensions that do not settle.
     """
     for system in systems:
-        checks.of_run(system.state, system.parameters, system.box)
+        checks.require_run_inputs(system.state, system.parameters, system.box)
     if not systems or len({system.particles for system in systems}) > 1:
         raise InputError("states differ in their number of particles, or there are none")
     _, parameters, hindrance, box = systems[0]

@@ -62,7 +62,7 @@ def simulate(
       9.116 mm/day
     """
     chosen = RunOptions(**options)
-    checks.of_run(state, parameters, box)
+    checks.require_run_inputs(state, parameters, box)
     system = System(state, parameters, as_tree(chosen.hindrance), box)
     if not _is_plain(system):
         return _traced(system, plan_run(system, chosen, duration=duration, frames=frames))

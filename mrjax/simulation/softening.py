@@ -53,10 +53,10 @@ def softened(parameters: Parameters, box: Box, particles: int, overlap: float) -
       >>> print(f"{soft.elastic_modulus / stiff.elastic_modulus:.2g}")
       3.2e-08
     """
-    checks.of_kind(Parameters, parameters=parameters)
-    checks.of_kind(Box, box=box)
+    checks.require_class(Parameters, parameters=parameters)
+    checks.require_class(Box, box=box)
     particles = checks.whole(particles, "particles")
-    checks.in_range(parameters)
+    checks.refuse_out_of_range(parameters)
     overlap = checks.positive(overlap, "overlap", "contact radii")
     if overlap > MOST_OVERLAP:
         raise InputError(

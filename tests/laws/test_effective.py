@@ -241,7 +241,7 @@ def test_tables_that_fit_are_accepted(name):
         (SYMMETRIC, jnp.array([0, 1, 1])),
         (SYMMETRIC, jnp.array([0, 0, 0])),  # the second has run out
     ):
-        checks.meaningful(GRAIN.replace(**{name: leaf}), 3, materials)
+        checks.refuse_bad_parameters(GRAIN.replace(**{name: leaf}), 3, materials)
 
 
 @pytest.mark.parametrize(
@@ -265,12 +265,12 @@ def test_tables_that_fit_are_accepted(name):
 def test_tables_that_do_not_fit(leaf, materials, message):
     material = None if materials is None else jnp.array(materials)
     with pytest.raises(mrjax.InputError, match=message):
-        checks.meaningful(GRAIN.replace(friction=leaf), 3, material)
+        checks.refuse_bad_parameters(GRAIN.replace(friction=leaf), 3, material)
 
 
 def test_a_restitution_above_one_in_a_table():
     with pytest.raises(mrjax.InputError, match=r"restitution = 1.3 must be above 0, at most 1"):
-        checks.meaningful(
+        checks.refuse_bad_parameters(
             GRAIN.replace(restitution=SYMMETRIC.at[2, 2].set(1.3)), 3, jnp.array([0, 1, 1])
         )
 

@@ -471,7 +471,11 @@ FAULTS = {
         ["box.periodc = [True, True, True]", "unknown key", "size, periodic"],
     ),
     "two flags": (PERIODIC, "periodic = [true, false]", ["box", "= [True, False]", "x, y"]),
-    "one flag": (PERIODIC, "periodic = true", ["box", "periodic = True", "three of true or false"]),
+    "one flag": (
+        PERIODIC,
+        "periodic = true",
+        ["box", "periodic = True", "three flags, true or false"],
+    ),
     "flag in words": (PERIODIC, "periodic = 'yes'", ["box", "periodic = 'yes'", "true or false"]),
     "flag of two": (PERIODIC, "periodic = [2, 0, 0]", ["box", "[2, 0, 0]", "true or false"]),
     "flag as a number": (
