@@ -159,7 +159,7 @@ def posterior(
         )
     stored = None
     if checkpoint is not None:
-        stored = Checkpoint.of_work(
+        stored = Checkpoint.open(
             Path(checkpoint),
             names=fit.names,
             values=fit.values,

@@ -319,5 +319,5 @@ def _keeping(
     if checkpoint is None:
         return lambda _, function: function
     at_start = residuals_at_the_start()
-    stored = Checkpoint.of_work(Path(checkpoint), **work, residuals_at_the_start=at_start)
+    stored = Checkpoint.open(Path(checkpoint), **work, residuals_at_the_start=at_start)
     return partial(remembered, stored)

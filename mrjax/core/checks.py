@@ -258,8 +258,8 @@ def _refuse_table(leaf: ArrayLike, name: str, materials: int | None, single: boo
         return
     for i, j in np.argwhere(values != values.T):
         raise InputError(
-            f"{name}[{i}, {j}] = {values[i, j]:g} and {name}[{j}, {i}] = {values[j, i]:g} differ "
-            "for the same two materials; give a symmetric table"
+            f"{name}[{i}, {j}] = {values[i, j]:g} and {name}[{j}, {i}] = {values[j, i]:g}: two "
+            "values for the same two materials; give a symmetric table"
         )
 
 

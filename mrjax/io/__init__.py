@@ -1,4 +1,5 @@
-"""Files: written whole or not at all, read without belief, never in place of a user's own.
+"""Reading and writing of files: runs, states, trajectories for viewers, checkpoints, results.
 
-Runs and states in `.npz`, trajectories for viewers, checkpoints, and lists of results.
+A file is written whole or not at all, never replaces a user's own file, and is validated when it is
+read.
 """

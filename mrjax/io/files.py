@@ -1,4 +1,4 @@
-"""Result files: written whole or not at all, JSON that any reader takes."""
+"""Writing of result files, whole or not at all; JSON that any parser accepts."""
 
 import csv
 import json
@@ -25,20 +25,24 @@ if TYPE_CHECKING:
 DOTS_PER_INCH = 300
 """Resolution of figures as PNG."""
 MOST_DOTS, MOST_DOTS_IN_ALL = 60_000, 1e8
-"""Along a side, and of a whole figure: matplotlib draws no more than 65,535 along a side."""
-Lasting = Literal["name", "content", "nothing"]
+"""Largest number of dots along a side, and of a whole figure; matplotlib's limit is 65,535 along a
+side."""
+Durability = Literal["name", "content", "nothing"]
 
 SCRATCH = ".mrjax-"
-"""Beginning of the names of scratch files."""
+"""Prefix of the names of scratch files."""
 WATCHING: ContextVar[Callable[[Path, Path], None] | None] = ContextVar("watching", default=None)
-"""Called with the names of a file and of the scratch file about to replace it; it may refuse."""
+"""Function called with the path of a file and of the scratch file that is about to replace it; it
+may raise to refuse."""
 
 
 def result_folder(path: Path) -> Path:
-    """The folder for results, made if need be and tried, so that no work is lost at its end.
+    """Makes the folder for results and tests that it can be written to.
+
+    A long computation is then not lost at its end.
 
     Raises:
-      SystemRefusal: it cannot be made or written to.
+      SystemRefusal: the folder cannot be made or written to.
     """
     try:
         path.mkdir(parents=True, exist_ok=True)
@@ -50,29 +54,30 @@ def result_folder(path: Path) -> Path:
 
 
 @contextmanager
-def replacing(path: Path, lasting: Lasting = "name") -> Iterator[Path]:
-    """Gives a name beside a file, under which to write what then replaces it at once.
+def replacing(path: Path, durability: Durability = "name") -> Iterator[Path]:
+    """Context that yields the path of a scratch file, which replaces the file at the end.
 
-    A reader sees the old file or the new, never half of it, even after the power failed; what fails
-    leaves the old one. The name is one that nobody can foresee, and was not there before.
+    A reader sees the old file or the new one, never half of it, even after a power failure. If the
+    writing fails, the old file stays. The scratch file has a random name in the same folder.
 
     Args:
-      path: of the file.
-      lasting: what survives a failing power: the file in place of the old one; its content, or else
-        the old one; or perhaps nothing, where that is found and mended.
+      path: path of the file.
+      durability: guarantee after a power failure. `name`: the new file is there. `content`: the new
+        file or the old one is there, whole. `nothing`: the file may be damaged, for files whose
+        reader detects and repairs that.
 
     Raises:
-      SystemRefusal: it cannot be written, whatever the system raised inside.
+      SystemRefusal: the file cannot be written.
     """
     with writing(path):
-        # Libraries choose a format by the ending.
+        # Libraries choose a format by the suffix.
         handle, name = tempfile.mkstemp(f".partial{path.suffix[:16]}", SCRATCH, path.parent)
         os.close(handle)
         scratch = Path(name)
         try:
             yield scratch
             os.chmod(scratch, 0o666 & ~_umask())
-            if lasting != "nothing":
+            if durability != "nothing":
                 _flush(scratch)
             if (watching := WATCHING.get()) is not None:
                 watching(path, scratch)
@@ -80,27 +85,27 @@ def replacing(path: Path, lasting: Lasting = "name") -> Iterator[Path]:
         finally:
             with suppress(OSError):
                 scratch.unlink(missing_ok=True)
-    if lasting == "name":
-        with suppress(OSError):  # some file systems cannot
+    if durability == "name":
+        with suppress(OSError):  # some file systems cannot flush a folder
             _flush(path.parent)
 
 
 def is_scratch(name: str) -> bool:
-    """True for the name of a file that a killed process left of `replacing`."""
+    """True for the name of a scratch file of `replacing`, which a killed process leaves behind."""
     return re.fullmatch(rf"{re.escape(SCRATCH)}\w{{8}}\.partial(\.\w{{1,15}})?", name) is not None
 
 
 def write_text(path: Path, text: str) -> None:
-    """Replaces a file at once."""
+    """Writes a text file, which replaces an old one atomically."""
     with replacing(path) as scratch:
         scratch.write_text(text, encoding="utf-8", newline="")
 
 
 def create_text(path: Path, text: str) -> None:
-    """Writes a file that is not there yet.
+    """Writes a new text file.
 
     Raises:
-      FileExistsError: it is, or a link of that name.
+      FileExistsError: a file or a link of that name exists.
     """
     with path.open("x", encoding="utf-8", newline="") as file:
         try:
@@ -112,9 +117,12 @@ def create_text(path: Path, text: str) -> None:
 
 
 def as_json(value: Any, ascii_only: bool = False) -> str:
-    """JSON with numpy and JAX numbers as numbers, and what is not finite as null.
+    """Returns a value as JSON; numbers of numpy and JAX are numbers, those not finite are null.
 
-    What is not printable is escaped, and all that is not ASCII where asked for.
+    Args:
+      value: dicts, lists, text and numbers.
+      ascii_only: True to escape all characters beyond ASCII; otherwise only those that are not
+        printable are escaped.
     """
     lines = json.dumps(plain(value), indent=2, ensure_ascii=ascii_only).split("\n")
     return "\n".join(line if line.isprintable() else "".join(map(_in_json, line)) for line in lines)
@@ -127,12 +135,12 @@ def _in_json(character: str) -> str:
 
 
 def write_json(path: Path, value: Any) -> None:
-    """A file of JSON, as `as_json` has it."""
+    """Writes a value as a JSON file, in the form of `as_json`."""
     write_text(path, as_json(value) + "\n")
 
 
 def write_csv(path: Path, columns: dict[str, Iterable[float]]) -> None:
-    """Columns of equal length by name, with all digits."""
+    """Writes columns of equal length, by name, as a CSV file with all digits."""
     rows = zip(*([float(x) for x in column] for column in columns.values()), strict=True)
     lines = [list(columns), *([repr(x) for x in row] for row in rows)]
     text = _Lines()
@@ -149,13 +157,14 @@ class _Lines(list):
 def write_figure(
     folder: Path, name: str, figure: "Figure", made_by: Mapping[str, Any], pdf: bool
 ) -> None:
-    """A figure as PNG, and as PDF where asked for, each replaced at once.
+    """Writes a figure as PNG, and as PDF if requested.
 
     Args:
-      folder, name: of the files, without their ending.
-      figure: matplotlib's.
-      made_by: recipe, seed, versions: kept as JSON in the description or subject of the files.
-      pdf: with fonts that can be edited.
+      folder: folder of the files.
+      name: name of the files, without suffix.
+      figure: matplotlib figure.
+      made_by: recipe, seed and versions; stored as JSON in the description or subject of the files.
+      pdf: True to write a PDF, too, with editable fonts.
     """
     from matplotlib import rc_context
 
@@ -173,12 +182,13 @@ def write_figure(
             rc_context({"pdf.fonttype": 42, "text.usetex": False}),
             warnings.catch_warnings(),
         ):
-            warnings.filterwarnings("ignore", "Glyph ", UserWarning)  # shown as a box
+            # A character that the font lacks is drawn as a box.
+            warnings.filterwarnings("ignore", "Glyph ", UserWarning)
             figure.savefig(scratch, dpi=dots, metadata=metadata)
 
 
 def markdown_table(header: list[str], rows: Iterable[Iterable[Any]]) -> str:
-    """A Markdown table, cells as text, but for those that are Markdown already."""
+    """Returns a Markdown table; cells are escaped, unless they are Markdown already."""
     lines = [map(_cell, header), ["---"] * len(header), *(map(_cell, row) for row in rows)]
     return "".join(f"| {' | '.join(line)} |\n" for line in lines)
 
@@ -189,7 +199,7 @@ def _cell(value: Any) -> str:
 
 
 def _flush(path: Path) -> None:
-    """Has what was written to a file, or the names in a folder, on the disk itself."""
+    """Flushes the content of a file, or the names in a folder, to the disk."""
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)
@@ -204,7 +214,7 @@ def _umask() -> int:
 
 
 def plain(value: Any) -> Any:
-    """A value in forms that JSON has: numbers, text, lists, tables; null for what is not finite."""
+    """Converts a value to the types of JSON; a number that is not finite becomes None."""
     if isinstance(value, dict):
         return {str(key): plain(inner) for key, inner in value.items()}
     if isinstance(value, list | tuple):

@@ -1,4 +1,4 @@
-"""The kind of processor and of compiled programs: those of one crash on another."""
+"""A name for the processor and compiler version, on which compiled programs depend."""
 
 import hashlib
 import importlib.metadata
@@ -8,7 +8,7 @@ import numpy as np
 
 
 def machine() -> str:
-    """A name for what compiled programs hang on: another processor may crash on them."""
+    """Returns a name for this processor and jaxlib; compiled programs may crash on another."""
     features = np.show_config(mode="dicts")["SIMD Extensions"]
     digest = hashlib.sha256(repr(features).encode()).hexdigest()[:12]
     return f"jaxlib-{importlib.metadata.version('jaxlib')}-{platform.machine()}-{digest}"

@@ -1,4 +1,4 @@
-"""Small files of JSON by which mrjax knows what it made: read only as what they should be."""
+"""Small JSON files by which mrjax recognises its own files; each is validated by a model."""
 
 import stat
 from pathlib import Path
@@ -12,21 +12,21 @@ M = TypeVar("M", bound=BaseModel)
 
 
 class Strict(BaseModel):
-    """A table with these keys and no others; numbers are finite, and of the kind that is said."""
+    """A model without further keys; numbers are finite and of the declared type."""
 
     model_config = ConfigDict(strict=True, allow_inf_nan=False, extra="forbid")
 
 
 class ForeignError(Exception):
-    """A file that mrjax did not write so; the message says why."""
+    """A file that mrjax did not write in this form; the message says why."""
 
 
 def read(path: Path, model: type[M]) -> M | None:
-    """Reads a file as a model; None where nothing has its name.
+    """Reads a JSON file as a model; returns None if there is no file.
 
     Raises:
-      ForeignError: it is no file, or does not say that.
-      OSError: it cannot be read.
+      ForeignError: the path is no file, or its content does not fit the model.
+      OSError: the file cannot be read.
     """
     try:
         mode = path.lstat().st_mode
@@ -45,11 +45,11 @@ def parsed(text: str | bytes, model: type[M]) -> M:
     """Parses JSON as a model.
 
     Raises:
-      ForeignError: it is something else.
+      ForeignError: the text does not fit the model.
     """
     try:
         return model.model_validate_json(text)
     except ValidationError as error:
         first = error.errors()[0]
-        place = "".join(f"{key}: "[:60] for key in first["loc"])
-        raise ForeignError(f"{place}{first['msg'][:100]}") from None
+        keys = "".join(f"{key}: "[:60] for key in first["loc"])
+        raise ForeignError(f"{keys}{first['msg'][:100]}") from None

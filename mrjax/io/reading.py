@@ -1,6 +1,6 @@
-"""Files of a user, opened to be read: regular files alone, and no more of them than a bound.
+"""Reading of a user's files: only regular files, up to a largest size.
 
-A pipe would wait for its writer, a device need not end, and to open one may do something.
+A pipe would wait for its writer, a device may never end, and opening a device may have an effect.
 """
 
 import os
@@ -12,7 +12,7 @@ from typing import BinaryIO
 
 from mrjax.core.errors import InputError
 
-OTHERS = {
+SPECIAL_FILES = {
     stat.S_IFIFO: "a pipe",
     stat.S_IFSOCK: "a socket",
     stat.S_IFCHR: "a device",
@@ -26,12 +26,12 @@ def opened(path: Path) -> Iterator[BinaryIO]:
     """Opens a regular file, to be read as bytes.
 
     Raises:
-      InputError: a pipe, a socket or a device.
+      InputError: the path is a pipe, a socket or a device.
       OSError: there is no such file, it is a directory, or the system refuses.
     """
-    _refuse_others(path, os.stat(path).st_mode)
+    _refuse_special(path, os.stat(path).st_mode)
     with open(path, "rb", opener=_without_waiting) as file:
-        _refuse_others(path, os.fstat(file.fileno()).st_mode)  # another may have its place by now
+        _refuse_special(path, os.fstat(file.fileno()).st_mode)  # the file may have been replaced
         yield file
 
 
@@ -39,11 +39,11 @@ def content(path: Path, most: int) -> bytes:
     """Reads a file of at most `most` bytes.
 
     Raises:
-      InputError: it is, or is no regular file.
+      InputError: the file is larger, or no regular file.
       OSError: as for `opened`.
     """
     with opened(path) as file:
-        data = file.read(most + 1) or b""  # nothing: one that would have to be waited for
+        data = file.read(most + 1) or b""  # None if the file has no data yet
     if len(data) > most:
         raise InputError(f"{path}: is larger than {most / 1e6:g} MB; check the path")
     return data
@@ -54,21 +54,21 @@ def text(path: Path, most: int) -> str:
 
     Raises:
       InputError, OSError: as for `content`.
-      UnicodeDecodeError: it is no UTF-8.
+      UnicodeDecodeError: the file is not UTF-8.
     """
     return content(path, most).decode("utf-8-sig")
 
 
 def is_file(path: Path) -> bool:
-    """True if a path leads to a file; what the system takes for no path does not."""
+    """True if a path leads to a file; False for text that the system accepts as no path."""
     try:
         return path.is_file()
     except (OSError, ValueError):
         return False
 
 
-def _refuse_others(path: Path, mode: int) -> None:
-    if (kind := OTHERS.get(stat.S_IFMT(mode))) is not None:
+def _refuse_special(path: Path, mode: int) -> None:
+    if (kind := SPECIAL_FILES.get(stat.S_IFMT(mode))) is not None:
         raise InputError(f"{path}: is {kind}, which is not read; give a file")
 
 

@@ -1,7 +1,7 @@
-"""The list of files that mrjax wrote in a folder: a command overwrites and deletes no others.
+"""The list of files that mrjax wrote in a folder; a command overwrites and deletes only these.
 
-A list in the folder names them, each with digests of what it may hold: of what was there before,
-and of what takes its place, so that a process may be killed between the two.
+A JSON file in the folder lists their names with digests of their content. During a replacement the
+list has the digests of the old and of the new content, so that a process may be killed at any time.
 """
 
 import hashlib
@@ -27,74 +27,79 @@ class _List(Strict):
 
 @dataclass
 class Results:
-    """The files of mrjax in a folder."""
+    """The files that mrjax wrote in a folder."""
 
     folder: Path
-    listed: _List
+    files_list: _List
 
     @classmethod
-    def of(cls, folder: Path) -> "Results":
-        """Reads the list of a folder; none where there is no list.
+    def load(cls, folder: Path) -> "Results":
+        """Reads the list of a folder; the list is empty if there is no such file.
 
         Raises:
-          InputError: what has the name of the list is none.
+          InputError: the file is not a list that mrjax wrote.
         """
         path = folder / LIST
         try:
             return cls(folder, markers.read(path, _List) or _List(kind="mrjax results", digests={}))
         except ForeignError as error:
             raise InputError(
-                f"{path}: is no list that mrjax wrote, or damaged ({error}); nothing is written "
-                "beside it: give another --out, or take it away"
+                f"{path}: is not a list that mrjax wrote, or is damaged ({error}); nothing is "
+                "written beside it: give another --out, or take it away"
             ) from None
 
     def refuse_foreign(self, names: Iterable[str]) -> None:
-        """Passes where none of these names is that of a file that mrjax did not write.
+        """Refuses names of files that mrjax did not write.
 
         Raises:
-          InputError: one is, or was changed since.
+          InputError: mrjax did not write one of the files, or it has changed since.
         """
         for name in names:
             path = self.folder / name
             if os.path.lexists(path) and not self._written_by_mrjax(name):
                 raise InputError(
-                    f"{path}: is not as mrjax wrote it, or not of mrjax, and is not overwritten: "
-                    "give another --out, or take it away"
+                    f"{path}: was not written by mrjax, or has changed since; it is not "
+                    "overwritten: give another --out, or take it away"
                 )
 
     def discard(self, name: str) -> None:
-        """Deletes a file of a command before, if it is there. Raises as `refuse_foreign`."""
+        """Deletes a file of an earlier command, if it exists; raises as `refuse_foreign` does."""
         self.refuse_foreign([name])
         (self.folder / name).unlink(missing_ok=True)
 
     def replace(self, path: Path, scratch: Path) -> None:
-        """Lists a file that is about to replace one of the folder. Raises as `refuse_foreign`."""
+        """Lists the new content of a file before it is replaced; raises as `refuse_foreign` does.
+
+        Args:
+          path: path of the file.
+          scratch: path of the scratch file that is about to replace it.
+        """
         if path.parent.absolute() != self.folder.absolute() or path.name == LIST:
             return
         self.refuse_foreign([path.name])
         before = [_digest(path)] if path.exists() else []
-        self.listed.digests[path.name] = [*before, _digest(scratch)]
-        files.write_json(self.folder / LIST, self.listed.model_dump())
+        self.files_list.digests[path.name] = [*before, _digest(scratch)]
+        files.write_json(self.folder / LIST, self.files_list.model_dump())
 
     def _written_by_mrjax(self, name: str) -> bool:
         path = self.folder / name
-        if not stat.S_ISREG(path.lstat().st_mode) or name not in self.listed.digests:
+        if not stat.S_ISREG(path.lstat().st_mode) or name not in self.files_list.digests:
             return False
-        return _digest(path) in self.listed.digests[name]
+        return _digest(path) in self.files_list.digests[name]
 
 
 @contextmanager
 def guarded(folder: Path, names: Iterable[str] = ()) -> Iterator[Results]:
-    """Context in which files of a folder are replaced only where mrjax wrote them.
+    """Context in which files of a folder are replaced only if mrjax wrote them.
 
     Args:
-      folder: of the results.
-      names: of files that will be written; refused at once where they are of others.
+      folder: folder of the results.
+      names: names of files that will be written; they are checked at once.
 
     Raises:
-      InputError: one of them is.
+      InputError: mrjax did not write one of the files, or it has changed since.
     """
-    own_files = Results.of(folder)
+    own_files = Results.load(folder)
     own_files.refuse_foreign(names)
     before = files.WATCHING.set(own_files.replace)
     try:

@@ -1,4 +1,4 @@
-"""A run on disk: arrays in SI whose names tell their units, and what made them; no pickle."""
+"""A run on disk: arrays in SI, named with their units, and metadata; no pickle."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -26,13 +26,13 @@ RUN_FIELDS = {
     "deepest_overlap_coatings": "coating_overlap",
     "fault": "fault",
 }
-"""Fields of `Run` by the names of their arrays."""
+"""Fields of `Run`, by the names of the arrays in a file."""
 BY_PARTICLE = {
     "position_m": "position",
     "velocity_m_per_s": "velocity",
     "spin_rad_per_s": "spin",
 }
-"""Fields of `Trajectory`, and of `State`, where it is the last."""
+"""Fields of `Trajectory` and of the last `State`, by the names of the arrays in a file."""
 
 
 class Metadata(Strict):
@@ -71,21 +71,21 @@ ARRAYS = {
         for name, numbers in state_file.ARRAYS.items()
     },
 }
-"""Arrays of runs of N particles at F times."""
+"""Requirements on the arrays of a run of N particles at F times, by name."""
 SCHEMA = npz.Schema("a file of a run", Metadata, ARRAYS, least={"S": 0, "F": 2})
 
 
 def save_run(path: str | Path, run: Run, made_by: Mapping[str, Any]) -> None:
-    """Writes a run, or several side by side, as an `.npz` file, which is replaced at once.
+    """Writes a run, or several along a leading axis, as an `.npz` file.
 
     Args:
-      path: ends in `.npz`.
-      run: its last state, and its trajectory if it has one, are kept with it.
-      made_by: recipe, seed, versions: what JSON takes.
+      path: path of the file, ending in `.npz`; an old file is replaced.
+      run: run, which is saved with its last state and, if it has one, its trajectory.
+      made_by: recipe, seed and versions, in types that JSON has.
 
     Raises:
-      InputError: another ending.
-      SimulationError: the run is not to be trusted.
+      InputError: the path has another suffix.
+      SimulationError: the run has a fault.
     """
     path = npz.named(path)
     run.check()
@@ -110,22 +110,25 @@ def save_run(path: str | Path, run: Run, made_by: Mapping[str, Any]) -> None:
 
 
 def load_run(path: str | Path, *, max_bytes: int = npz.MAX_BYTES) -> tuple[Run, dict[str, Any]]:
-    """The run that `mrjax simulate` or `save_run` wrote, to the last bit, and what made it.
+    """Reads a run that `mrjax simulate` or `save_run` wrote, to the last bit.
 
-    In single precision where JAX is set to that. Names, shapes and kinds of numbers are checked
-    before anything is unpacked, and all numbers are finite.
+    Numbers become single precision if JAX is set to single precision. Names, shapes and types of
+    the arrays are checked before anything is unpacked, and all numbers must be finite.
 
     Args:
-      path: of the `.npz` file.
-      max_bytes: of its arrays, unpacked.
+      path: path of the `.npz` file.
+      max_bytes: largest size of the unpacked arrays.
+
+    Returns:
+      The run, and the `made_by` with which it was saved.
 
     Raises:
-      InputError: no such file, or not of a run, or damaged, or larger.
+      InputError: there is no such file, or it holds no run, is damaged, or is larger.
     """
     arrays, metadata = npz.read(Path(path), SCHEMA, max_bytes)
     npz.refuse_beyond_single(Path(path), arrays)
     if (np.diff(arrays["times_s"]) < 0.0).any():
-        raise InputError(f"{path}: its times go back; give {SCHEMA.what}")
+        raise InputError(f"{path}: its times decrease; give {SCHEMA.description}")
     leaves = {name: jnp.asarray(array) for name, array in arrays.items()}
     rising = leaves.pop("rising", jnp.zeros(leaves["fault"].shape, jnp.int32))
     last_state = {
@@ -139,7 +142,7 @@ def load_run(path: str | Path, *, max_bytes: int = npz.MAX_BYTES) -> tuple[Run, 
     return Run(
         **{field: leaves[name] for name, field in RUN_FIELDS.items()},
         rising=rising != 0,
-        state=state_file.of_arrays(last_state, metadata.contact_diameter_m),
+        state=state_file.to_state(last_state, metadata.contact_diameter_m),
         box=Box(metadata.box_size_m, metadata.box_periodic),
         time_step=metadata.time_step_s,
         steps=metadata.steps,

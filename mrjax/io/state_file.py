@@ -1,4 +1,4 @@
-"""A state on disk: positions, velocities, spins, and what its contacts remember."""
+"""A state on disk: positions, velocities, spins and contact history."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -34,7 +34,7 @@ ARRAYS = {
     "contact_sliding_m": MEMORY,
     "contact_rolling_rad": MEMORY,
 }
-"""Arrays of a state of N particles with room for S contacts each."""
+"""Requirements on the arrays of a state of N particles with S contact slots each, by name."""
 SCHEMA = npz.Schema("a file that save_state wrote", Metadata, ARRAYS, least={"S": 0})
 
 
@@ -42,12 +42,12 @@ def save_state(path: str | Path, state: State, time: float = 0.0) -> None:
     """Writes a state with all digits, for `load_state`.
 
     Args:
-      path: of the file, which ends in `.npz`; replaced at once.
-      state: concrete, of one run.
-      time: of the state, s.
+      path: path of the file, ending in `.npz`; an old file is replaced.
+      state: state of one run, not traced.
+      time: time of the state, s.
 
     Raises:
-      InputError: another ending, a state of several runs, or one that is not finite.
+      InputError: the path has another suffix, the state is of several runs, or it is not finite.
     """
     path = npz.named(path)
     if state.position.ndim != 2:
@@ -57,7 +57,10 @@ def save_state(path: str | Path, state: State, time: float = 0.0) -> None:
     by_name = arrays(state)
     for name, array in (by_name | {"time": np.asarray(time)}).items():
         if not np.isfinite(array).all():
-            raise InputError(f"{name} is not finite everywhere: such a state is no start of a run")
+            raise InputError(
+                f"{name} is not finite everywhere, and no run can start from it: give a state of "
+                "finite numbers"
+            )
     metadata = Metadata(
         kind="mrjax state", time_s=float(time), contact_diameter_m=state.contact_diameter
     )
@@ -65,25 +68,25 @@ def save_state(path: str | Path, state: State, time: float = 0.0) -> None:
 
 
 def load_state(path: str | Path, *, max_bytes: int = npz.MAX_BYTES) -> State:
-    """A state that `save_state` wrote, in the dtype in which it was written.
+    """Reads a state that `save_state` wrote, in the dtype in which it was written.
 
     Double precision needs `jax.config.update("jax_enable_x64", True)` here, too. Names, shapes and
-    kinds of numbers are checked before anything is unpacked, and all numbers are finite.
+    types of the arrays are checked before anything is unpacked, and all numbers must be finite.
 
     Args:
-      path: of the `.npz` file.
-      max_bytes: of its arrays, unpacked.
+      path: path of the `.npz` file.
+      max_bytes: largest size of the unpacked arrays.
 
     Raises:
-      InputError: no such file, one of something else, a damaged one, or a larger one.
+      InputError: there is no such file, or it holds no state, is damaged, or is larger.
     """
     stored, metadata = npz.read(Path(path), SCHEMA, max_bytes)
     npz.refuse_beyond_single(Path(path), stored)
-    return of_arrays(stored, metadata.contact_diameter_m)
+    return to_state(stored, metadata.contact_diameter_m)
 
 
 def arrays(state: State) -> dict[str, np.ndarray]:
-    """All arrays of a state by name."""
+    """Returns all arrays of a state, by their names in a file."""
     by_name = {
         "position_m": state.position,
         "velocity_m_per_s": state.velocity,
@@ -99,24 +102,24 @@ def arrays(state: State) -> dict[str, np.ndarray]:
     return {name: np.asarray(array) for name, array in by_name.items() if array is not None}
 
 
-def of_arrays(stored: Mapping[str, np.ndarray], contact_diameter: float | None) -> State:
-    """The state of which `arrays` gave these, among others."""
+def to_state(stored: Mapping[str, np.ndarray], contact_diameter: float | None) -> State:
+    """Returns the state with these arrays; the inverse of `arrays`, which ignores other names."""
 
-    def maybe(name: str) -> Array | None:
+    def optional(name: str) -> Array | None:
         return jnp.asarray(stored[name]) if name in stored else None
 
     contacts = None
     if "contact_partner" in stored:
         contacts = ContactHistory(
             jnp.asarray(stored["contact_partner"]),
-            maybe("contact_sliding_m"),
-            maybe("contact_rolling_rad"),
+            optional("contact_sliding_m"),
+            optional("contact_rolling_rad"),
         )
     return State(
         position=jnp.asarray(stored["position_m"]),
         velocity=jnp.asarray(stored["velocity_m_per_s"]),
         spin=jnp.asarray(stored["spin_rad_per_s"]),
         contacts=contacts,
-        material=maybe("material"),
+        material=optional("material"),
         contact_diameter=contact_diameter,
     )

@@ -7,5 +7,5 @@ RECORDED_PACKAGES = ("mrjax", "jax", "jaxlib", "jax-md", "optax", "scipy", "nump
 
 
 def versions() -> dict[str, str]:
-    """Versions of the recorded packages, by name."""
+    """Returns the installed versions of the recorded packages, by name."""
     return {name: importlib.metadata.version(name) for name in RECORDED_PACKAGES}

@@ -58,7 +58,7 @@ def follow(
         plan = plan_run(system, chosen, duration=duration, frames=frames)
         parts = None
         if checkpoint is not None:
-            work = Checkpoint.of_work(
+            work = Checkpoint.open(
                 Path(checkpoint),
                 parameters=parameters,
                 box=box,

@@ -155,7 +155,7 @@ def _checkpoint(
     if processes.count() > 1:
         raise InputError("checkpoint: is kept by a single process; leave it out")
     _, parameters, hindrance, box = systems[0]
-    work = Checkpoint.of_work(
+    work = Checkpoint.open(
         folder,
         parameters=parameters,
         box=box,

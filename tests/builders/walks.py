@@ -16,7 +16,7 @@ PIECES = 5
 
 def walk(folder: Path, seed: int = 0, until: int = PIECES) -> np.ndarray:
     """Cheap work in pieces: numbers that hang on all before them; and one piece of its own."""
-    work = Checkpoint.of_work(folder, seed=seed)
+    work = Checkpoint.open(folder, seed=seed)
     if (first := work.load("first")) is None:
         work.save("first", {"x": np.array([0.1 + seed])}, {"of": "walk"})
         first = work.load("first")

@@ -155,7 +155,7 @@ def test_samples_are_kept(tmp_path, monkeypatch):
     again = posterior.posterior(found, samples=10, checkpoint=tmp_path)
     for name in ("samples", "r_hat", "effective", "divergences"):
         np.testing.assert_array_equal(getattr(again, name), getattr(drawn, name))
-    with pytest.raises(mrjax.InputError, match="with seed = 0 where it is 1 here"):
+    with pytest.raises(mrjax.InputError, match="with seed = 0 there and 1 here"):
         posterior.posterior(found, seed=1, samples=10, checkpoint=tmp_path)
 
 
@@ -169,16 +169,16 @@ def test_a_checkpoint_of_other_work_is_refused(small, tmp_path):
     # Of two beds side by side, each writes a part and then a state.
     with pytest.raises(Stopped), stopping(6):
         settled()
-    with pytest.raises(mrjax.InputError, match=r"friction = 0\.3 where it is 0\.4 here; give"):
+    with pytest.raises(mrjax.InputError, match=r"friction = 0\.3 there and 0\.4 here; give"):
         settled(parameters.replace(friction=0.4))
-    with pytest.raises(mrjax.InputError, match=r"with frames = 200 where it is 100 here"):
+    with pytest.raises(mrjax.InputError, match=r"with frames = 200 there and 100 here"):
         settled(frames=100)
     with pytest.raises(mrjax.InputError, match=r"states\.0\.position_m = array"):
         settled(states=states[::-1])
     for name in ("version of jaxlib", "version of mrjax", "machine"):
         with (
             pytest.MonkeyPatch.context() as patch,
-            pytest.raises(mrjax.InputError, match=f"with {name} = .* where it is another here"),
+            pytest.raises(mrjax.InputError, match=f"with {name} = .* there and another here"),
         ):
             told = work.environment() | {name: "another"}
             patch.setattr(work, "environment", lambda told=told: told)
@@ -191,7 +191,7 @@ def test_a_checkpoint_of_other_work_is_refused(small, tmp_path):
 
 def test_a_checkpoint_of_another_fit_is_refused(tmp_path):
     fit(bent, BENT, checkpoint=tmp_path)
-    with pytest.raises(mrjax.InputError, match=r"with start\.a = .* where it is 2\.0 here"):
+    with pytest.raises(mrjax.InputError, match=r"with start\.a = .* there and 2\.0 here"):
         fit(bent, {**BENT, "a": 2.0}, checkpoint=tmp_path)
     with pytest.raises(mrjax.InputError, match="with residuals_at_the_start = array"):
         fit(lambda theta: 1.1 * bent(theta), BENT, checkpoint=tmp_path)
@@ -206,7 +206,7 @@ def test_what_a_command_keeps(tmp_path, capsys):
             what(folder)
 
     def stopped(folder):
-        Checkpoint.of_work(folder / "rest", seed=1).save("part", {"x": np.ones(1)})
+        Checkpoint.open(folder / "rest", seed=1).save("part", {"x": np.ones(1)})
         raise KeyboardInterrupt
 
     with pytest.raises(mrjax.InputError):  # nothing was kept yet: nothing is left
@@ -217,7 +217,7 @@ def test_what_a_command_keeps(tmp_path, capsys):
     assert exit_status.resumable()  # which the line about the interruption says
     with pytest.raises(mrjax.InputError, match="keeps an unfinished run; go on with --resume"):
         work(seed=1)
-    with pytest.raises(mrjax.InputError, match="with seed = 1 where it is 2 here"):
+    with pytest.raises(mrjax.InputError, match="with seed = 1 there and 2 here"):
         work(go_on=True, seed=2)
     assert list((path / "rest").glob("part.*.npz")) and capsys.readouterr().err == ""
     work(go_on=True, seed=1)

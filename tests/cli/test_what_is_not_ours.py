@@ -298,12 +298,14 @@ def test_results_of_a_user_are_not_overwritten(tmp_path):
         path = tmp_path / name
         for changed in ("[] # my notes", ""):
             path.write_text(changed)
-            with pytest.raises(InputError, match=rf"{name}: is not as mrjax wrote it, or not of"):
+            with pytest.raises(
+                InputError, match=rf"{name}: was not written by mrjax, or has changed"
+            ):
                 finished(tmp_path)
             assert path.read_text() == changed
         path.unlink()
         path.symlink_to(tmp_path / "nowhere")
-        with pytest.raises(InputError, match=f"{name}: is not as mrjax wrote it, or not of"):
+        with pytest.raises(InputError, match=f"{name}: was not written by mrjax, or has changed"):
             finished(tmp_path)
         assert path.is_symlink()
         path.unlink()
@@ -351,7 +353,7 @@ def test_results_of_a_killed_command_are_still_its_own(tmp_path, monkeypatch, mo
 def test_a_list_that_is_not_ours_is_refused(tmp_path):
     for text in ("", "[]", "{}", '{"kind": "mrjax results", "digests": {"a": 1}}', "[" * 5000):
         (tmp_path / results.LIST).write_text(text)
-        with pytest.raises(InputError, match="is no list that mrjax wrote, or damaged"):
+        with pytest.raises(InputError, match="is not a list that mrjax wrote, or is damaged"):
             finished(tmp_path)
         assert (tmp_path / results.LIST).read_text() == text
 
@@ -361,7 +363,9 @@ def test_a_users_last_good_state_is_not_deleted(tmp_path):
     path = tmp_path / resume.LAST_GOOD
     mrjax.save_state(path, START)
     before = path.read_bytes()
-    with pytest.raises(InputError, match=r"last_good_state\.npz: is not as mrjax wrote it"):
+    with pytest.raises(
+        InputError, match=r"last_good_state\.npz: was not written by mrjax, or has changed"
+    ):
         finished(tmp_path)
     assert path.read_bytes() == before
     path.unlink()
@@ -406,12 +410,12 @@ def test_frames_of_a_user_are_not_overwritten(tmp_path):
     for _ in range(2):
         viewers.write_vtk(tmp_path / "one.pvd", run)
         assert (frames / "000007.vtu").read_text() == "mine"
-    (frames / viewers.OWN).unlink()
+    (frames / viewers.FRAME_COUNT).unlink()
     (tmp_path / "two").mkdir()
     (tmp_path / "two" / "000001.vtu").write_text("mine")
     (tmp_path / "three").symlink_to(frames)
     (tmp_path / "four").mkdir()
-    (tmp_path / "four" / viewers.OWN).write_text("[]")
+    (tmp_path / "four" / viewers.FRAME_COUNT).write_text("[]")
     before = everything(tmp_path)
     for name in ("one", "two", "three", "four"):
         with pytest.raises(InputError, match="give another name"):
@@ -430,7 +434,7 @@ def test_new_files_take_the_place_of_none(tmp_path):
 def test_a_folder_that_stops_being_ours_is_left_alone(tmp_path):
     """Even in the middle of the work."""
     folder = tmp_path / "kept"
-    work = Checkpoint.of_work(folder, seed=1)
+    work = Checkpoint.open(folder, seed=1)
     work.save("one", {"x": np.ones(1)})
     folder.rename(tmp_path / "away")
     _folder(folder)

@@ -11,21 +11,21 @@ from mrjax.io.checkpoint import Checkpoint
 @pytest.mark.parametrize(
     "before, now, words",
     [
-        (dict(a=1), dict(a=2), "with a = .* where it is"),
-        (dict(a=1), dict(a=1, b=2), "with b = not given where it is"),
-        (dict(a=1, b=2), dict(a=1), "with b = .* where it is not given here"),
+        (dict(a=1), dict(a=2), "with a = .* there and"),
+        (dict(a=1), dict(a=1, b=2), "with b = not given there and"),
+        (dict(a=1, b=2), dict(a=1), "with b = .* there and not given here"),
     ],
     ids=["another value", "a folder that lacks a key", "a key too many"],
 )
 def test_other_work_is_refused_by_what_differs(tmp_path, before, now, words):
     folder = tmp_path / "kept"
-    one = Checkpoint.of_work(folder, **before)
+    one = Checkpoint.open(folder, **before)
     one.claim()
     one.save("first", {"x": np.arange(3.0)}, {"n": 3})
     with pytest.raises(InputError, match=words) as error:
-        Checkpoint.of_work(folder, **now)
-    assert "keeps other work" in str(error.value) and "to begin anew" in str(error.value)
-    arrays, metadata = Checkpoint.of_work(folder, **before).load("first")
+        Checkpoint.open(folder, **now)
+    assert "holds other work" in str(error.value) and "to begin anew" in str(error.value)
+    arrays, metadata = Checkpoint.open(folder, **before).load("first")
     np.testing.assert_array_equal(arrays["x"], [0.0, 1.0, 2.0])
     assert metadata == {"n": 3}
 

@@ -271,7 +271,7 @@ def test_a_marker_that_is_not_ours_is_refused_in_one_line(walked, tmp_path):
     text = marker.read_text()
     for body in (*damage.TEXTS, "", text[:-5], text.replace('"work"', '"Work"'), "\x00", "\udcff"):
         marker.write_bytes(body.encode(errors="surrogateescape"))
-        with pytest.raises(InputError, match="is no marker that mrjax wrote, or damaged"):
+        with pytest.raises(InputError, match="is not a marker that mrjax wrote, or is damaged"):
             walk(copy)
     marker.unlink()
     with pytest.raises(InputError, match="is no checkpoint that mrjax made, and not empty"):

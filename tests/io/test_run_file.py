@@ -79,5 +79,5 @@ def test_every_array_has_the_name_of_what_it_is(run, tmp_path):
 def test_a_run_whose_times_go_back_is_refused(run, tmp_path):
     path = tmp_path / "run.npz"
     mrjax.save_run(path, replace(run, times=run.times[::-1]), {})
-    with pytest.raises(mrjax.InputError, match="its times go back"):
+    with pytest.raises(mrjax.InputError, match="its times decrease"):
         mrjax.load_run(path)

@@ -288,5 +288,5 @@ def test_functions_are_told_by_what_they_do():
     assert identity(power(np.ones(2))) != identity(power(np.zeros(2)))
     assert identity(lambda phi: phi + 1.0) != identity(lambda phi: phi + 2.0)
     assert identity(drag.son2018) == "son2018"
-    with pytest.raises(mrjax.InputError, match="cannot be told from another"):
+    with pytest.raises(mrjax.InputError, match="a checkpoint cannot recognise it"):
         identity(power(object()))

@@ -130,7 +130,7 @@ def checkpointed(plan: Plan) -> Iterator[Path | None]:
     """
     request = plan.request
     if request.distributed:
-        processes.by_first(lambda: results.Results.of(plan.folder).refuse_foreign(WRITES))
+        processes.by_first(lambda: results.Results.load(plan.folder).refuse_foreign(WRITES))
         with results.guarded(plan.folder):
             yield None
         return

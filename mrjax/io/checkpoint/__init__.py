@@ -1,6 +1,7 @@
-"""Long work kept on disk piece by piece, so that a run that was killed goes on from there.
+"""Checkpoints: long work is saved piece by piece, so that a killed run can be resumed.
 
-`Checkpoint` is a folder of pieces, `Sequence` a chain of them; `folder` begins, locks and removes.
+`Checkpoint` is a folder of pieces and `Sequence` a chain of them; `folder` begins, locks and
+removes checkpoints.
 """
 
 from mrjax.io.checkpoint.checkpoint import Checkpoint as Checkpoint

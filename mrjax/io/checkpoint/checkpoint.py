@@ -1,7 +1,7 @@
-"""A checkpoint: what each piece of long work gave, kept so that the work can go on.
+"""A checkpoint: the results of each piece of long work, saved so that the work can be resumed.
 
-Work that is resumed takes the same decisions from the same numbers again, and so ends with the same
-bits as work that nothing stopped.
+Resumed work takes the same decisions from the same numbers, and so ends with the same bits as work
+that was not interrupted.
 """
 
 import logging
@@ -26,41 +26,43 @@ LOG = logging.getLogger("mrjax")
 
 @dataclass(frozen=True)
 class Checkpoint(PieceStore):
-    """A folder of pieces of one piece of work, made with the first of them."""
+    """A folder with the pieces of one work; it is made with the first piece."""
 
     @classmethod
-    def of_work(cls, folder: Path, **work: Any) -> "Checkpoint":
-        """The checkpoint in a folder, or one to be begun there.
+    def open(cls, folder: Path, **work: Any) -> "Checkpoint":
+        """Opens the checkpoint in a folder, or prepares a new one.
 
         Args:
-          folder: need not be there yet, or is empty, or a checkpoint.
-          work: all that decides the results of the work, by name.
+          folder: a checkpoint, an empty folder, or a path without a folder.
+          work: everything that the results of the work depend on, by name.
 
         Raises:
-          InputError: the folder is not a checkpoint, or keeps other work; the message says what
+          InputError: the folder is not a checkpoint, or holds other work; the message says what
             differs.
         """
-        here = description.described(work)
+        current = description.described(work)
         marker = existing_marker(folder)
         if marker is None or marker.done:
-            return cls(folder, here)
-        if marker.work == here:
+            return cls(folder, current)
+        if marker.work == current:
             clear_scratch(folder)
-            return cls(folder, here)
-        for name in {**here, **marker.work} if holds_anything(folder) else ():
-            if here.get(name) != marker.work.get(name):
+            return cls(folder, current)
+        for name in {**current, **marker.work} if holds_anything(folder) else ():
+            if current.get(name) != marker.work.get(name):
                 raise InputError(
-                    f"{folder}: keeps other work, with {name} = "
-                    f"{marker.work.get(name, 'not given')} where it is "
-                    f"{here.get(name, 'not given')} here; give what it began with, or take it away "
-                    "to begin anew"
+                    f"{folder}: holds other work, with {name} = "
+                    f"{marker.work.get(name, 'not given')} there and "
+                    f"{current.get(name, 'not given')} here; give the values that it began with, "
+                    "or take it away to begin anew"
                 )
-        return cls(folder, here)
+        return cls(folder, current)
 
     def load(self, name: str) -> tuple[Arrays, dict[str, Any]] | None:
-        """Arrays and metadata of a piece outside any sequence; None where it is to be computed.
+        """Reads the arrays and metadata of a piece outside any sequence.
 
-        One that is damaged, or of another place or work, is to be computed again; the log says so.
+        Returns:
+          None if the piece has to be computed: it is missing, damaged, or belongs to other work or
+          another name. A damaged piece is logged.
         """
         try:
             piece = self.read(name)
@@ -72,10 +74,10 @@ class Checkpoint(PieceStore):
     def save(
         self, name: str, arrays: Mapping[str, ArrayLike], metadata: Mapping[str, Any] | None = None
     ) -> None:
-        """Keeps a piece outside any sequence, in place of an earlier one of that name."""
-        # There may be hundreds in a second; one that is lost with the power is computed again.
+        """Saves a piece outside any sequence, in place of an earlier one of that name."""
+        # There may be hundreds in a second; one lost in a power failure is computed again.
         self.write(name, None, arrays, metadata or {}, "nothing")
 
     def sequence(self, name: str) -> Sequence:
-        """Pieces that depend on each other, one after the other."""
+        """Returns the chain of pieces of this name, each of which continues the piece before."""
         return Sequence(self, name)

@@ -1,4 +1,4 @@
-"""Folders of checkpoints: whether they hold anything, locks, and their removal."""
+"""Folders of checkpoints: their content, locks, and removal."""
 
 import os
 from collections.abc import Iterator
@@ -20,11 +20,11 @@ except ImportError:  # not on Windows
     fcntl = None  # type: ignore[assignment]
 
 MOST_NAMES = 5
-"""Names of files that a message shows at most."""
+"""Largest number of file names in a message."""
 
 
 def holds_anything(folder: Path) -> bool:
-    """True if any piece is kept in a checkpoint, or in one within it."""
+    """True if a checkpoint, or one in a folder below it, holds any piece."""
     marker = marker_or_none(folder)
     if marker is not None and marker.done:
         return False
@@ -39,16 +39,16 @@ def holds_anything(folder: Path) -> bool:
 
 
 def remove(folder: Path) -> list[str]:
-    """Takes away the pieces of a checkpoint, and the folder if nothing else is in it.
+    """Removes the pieces of a checkpoint, and the folder if nothing else is in it.
 
     Returns:
-      Names of files left there, which mrjax did not make.
+      Names of the remaining files, which mrjax did not make.
     """
     marker = marker_or_none(folder)
     if marker is None:
         return []
     if not marker.done:
-        with suppress(OSError):  # what is half removed must not be taken for a checkpoint
+        with suppress(OSError):  # a half removed checkpoint must not be resumed
             write_marker(folder, marker.model_copy(update={"done": True}))
     with suppress(OSError):
         clear(folder)
@@ -59,7 +59,7 @@ def remove(folder: Path) -> list[str]:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """A checkpoint for this process alone, where the file system can say so.
+    """Context that locks a checkpoint for this process, if the file system has locks.
 
     Raises:
       InputError: another process is at work there.
@@ -79,20 +79,20 @@ def locked(folder: Path) -> Iterator[None]:
 
 
 def _is_piece(entry: os.DirEntry, marker: Marker) -> bool:
-    """True for a piece of the marker's work."""
+    """True if the entry is a piece of the work that the marker names."""
     ending = f".{tag(marker.digest)}.npz"
     return entry.is_file(follow_symlinks=False) and entry.name.endswith(ending)
 
 
 def clear(folder: Path, keeping: bool = False) -> bool:
-    """Takes away all pieces in a folder and below it, then markers and folders left empty.
+    """Removes all pieces in a folder and below it, then markers and empty folders.
 
     Args:
       folder: a checkpoint, or a folder in one.
-      keeping: whether the folder and its marker stay.
+      keeping: True to keep the folder itself and its marker.
 
     Returns:
-      True if anything that mrjax made was there.
+      True if the folder held anything that mrjax made.
     """
     marker = marker_or_none(folder)
     made_by_mrjax = marker is not None
@@ -105,13 +105,13 @@ def clear(folder: Path, keeping: bool = False) -> bool:
     if made_by_mrjax and not keeping:
         if marker is not None:
             (folder / MARKER).unlink()
-        with suppress(OSError):  # what mrjax did not make stays
+        with suppress(OSError):  # a folder with other files stays
             folder.rmdir()
     return made_by_mrjax
 
 
 def clear_scratch(folder: Path) -> None:
-    """Takes away what killed processes were writing."""
+    """Removes scratch files that killed processes left behind."""
     with os.scandir(folder) as entries:
         for entry in list(entries):
             if is_scratch(entry):
@@ -119,5 +119,5 @@ def clear_scratch(folder: Path) -> None:
 
 
 def tag(digest: str) -> str:
-    """The part that the names of all pieces of one work have in common."""
+    """Returns the part of a piece's file name that marks its work."""
     return digest[:12]

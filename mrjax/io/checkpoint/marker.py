@@ -1,4 +1,4 @@
-"""The marker that makes a folder a checkpoint; a folder without one is never touched."""
+"""The marker file that makes a folder a checkpoint; a folder without one is never changed."""
 
 import os
 import stat
@@ -7,41 +7,41 @@ from typing import Literal
 
 from mrjax.core.errors import InputError
 from mrjax.io import files, markers
-from mrjax.io.checkpoint.work import digest_of_work
+from mrjax.io.checkpoint.work import work_digest
 from mrjax.io.markers import ForeignError, Strict
 
 MARKER = "mrjax-checkpoint.json"
-"""Makes a folder a checkpoint, and names its work."""
+"""Name of the marker file, which describes the work of the checkpoint."""
 OLD_MARKER = "of.json"
 KIND: Literal["mrjax checkpoint"] = "mrjax checkpoint"
 FORM: Literal[1] = 1
 
 
 class Marker(Strict):
-    """The content of a marker."""
+    """The content of a marker file."""
 
     kind: Literal["mrjax checkpoint"]
     form: Literal[1]
     work: dict[str, str]
     digest: str
-    done: bool = False  # what is left of it is to be taken away
+    done: bool = False  # True once its removal has begun
 
 
 def refuse_foreign(folder: str | Path | None) -> None:
-    """Passes where a folder is a checkpoint, or where one can be begun, or for None.
+    """Refuses a folder that is neither a checkpoint nor a place for a new one; None passes.
 
     Raises:
-      InputError: it is anything else; it is not touched.
+      InputError: the folder is anything else; it is not changed.
     """
     if folder is not None:
         existing_marker(Path(folder))
 
 
 def existing_marker(folder: Path) -> Marker | None:
-    """The marker of a checkpoint; None where one can be begun.
+    """Reads the marker of a checkpoint; returns None if a new checkpoint can begin there.
 
     Raises:
-      InputError: the folder is anything else; it is not touched.
+      InputError: the folder is anything else; it is not changed.
     """
     advice = "it is not touched: give another, or take it away"
     try:
@@ -56,7 +56,7 @@ def existing_marker(folder: Path) -> Marker | None:
     try:
         if (marker := _read_marker(folder)) is not None:
             return marker
-        old, empty = (folder / OLD_MARKER).exists(), _as_good_as_empty(folder)
+        old, empty = (folder / OLD_MARKER).exists(), _holds_only_scratch(folder)
     except OSError as error:
         raise InputError(f"{folder}: cannot be read ({error.strerror}); {advice}") from None
     if old:
@@ -67,42 +67,43 @@ def existing_marker(folder: Path) -> Marker | None:
 
 
 def _read_marker(folder: Path) -> Marker | None:
-    """The marker of a folder; None where there is none.
+    """Reads the marker of a folder; returns None if there is none.
 
     Raises:
-      InputError: mrjax did not write it, or it is damaged.
+      InputError: mrjax did not write the marker, or it is damaged.
     """
     path = folder / MARKER
     try:
         marker = markers.read(path, Marker)
-        if marker is not None and marker.digest != digest_of_work(marker.work):
+        if marker is not None and marker.digest != work_digest(marker.work):
             raise ForeignError("its digest is of other work")
         return marker
     except ForeignError as error:
         raise InputError(
-            f"{path}: is no marker that mrjax wrote, or damaged ({error}); the folder is not "
-            "touched: give another, or take it away"
+            f"{path}: is not a marker that mrjax wrote, or is damaged ({error}); the folder is "
+            "not touched: give another, or take it away"
         ) from None
 
 
 def marker_or_none(folder: Path) -> Marker | None:
-    """The marker of a checkpoint; None of anything else."""
+    """Reads the marker of a checkpoint; returns None for any other folder or file."""
     try:
         return _read_marker(folder) if stat.S_ISDIR(folder.lstat().st_mode) else None
     except (OSError, InputError):
         return None
 
 
-def _as_good_as_empty(folder: Path) -> bool:
-    """True if a folder without a marker holds at most what comes about on the way to one.
+def _holds_only_scratch(folder: Path) -> bool:
+    """True if a folder without a marker holds at most the beginnings of a checkpoint.
 
-    Folders of checkpoints, which are made before it, and what killed processes were writing.
+    These are scratch files of killed processes, and folders of checkpoints within it, which are
+    made before its own marker.
     """
     with os.scandir(folder) as entries:
         for entry in entries:
             if entry.is_dir(follow_symlinks=False):
-                within = Path(entry.path)
-                if marker_or_none(within) is None and not _as_good_as_empty(within):
+                subfolder = Path(entry.path)
+                if marker_or_none(subfolder) is None and not _holds_only_scratch(subfolder):
                     return False
             elif not is_scratch(entry):
                 return False
@@ -110,10 +111,10 @@ def _as_good_as_empty(folder: Path) -> bool:
 
 
 def write_marker(folder: Path, marker: Marker) -> None:
-    """Writes the marker of a checkpoint."""
+    """Writes the marker file of a checkpoint."""
     files.write_json(folder / MARKER, marker.model_dump())
 
 
 def is_scratch(entry: os.DirEntry) -> bool:
-    """True for what a killed process was writing."""
+    """True if the entry is a scratch file of a killed process."""
     return entry.is_file(follow_symlinks=False) and files.is_scratch(entry.name)

@@ -1,4 +1,4 @@
-"""A chain of pieces, each of which begins where the one before ended."""
+"""A chain of pieces, each of which begins from the state at the end of the piece before."""
 
 import logging
 import os
@@ -16,10 +16,10 @@ LOG = logging.getLogger("mrjax")
 
 
 class Sequence:
-    """Pieces each of which begins where the one before ended.
+    """A chain of pieces, each of which begins from the state at the end of the piece before.
 
-    Beside them lie the last state and the one before that: damage at the end costs one piece, and a
-    process may be killed at any byte.
+    The last two states are saved beside the pieces. Damage at the end therefore costs one piece,
+    and a process may be killed at any time.
     """
 
     def __init__(self, store: PieceStore, name: str) -> None:
@@ -27,15 +27,18 @@ class Sequence:
         self._digests: list[str] = []
 
     def resumed(self) -> tuple[list[Arrays], Arrays | None]:
-        """The arrays of all pieces so far, and the state after the last; none and None at first.
+        """Reads all pieces so far, and the state after the last one.
 
-        Where the last pieces or states are damaged, missing or of another place, those before them;
-        the log says so.
+        If the last pieces or states are damaged, missing or out of order, the chain ends before
+        them; the log says so.
+
+        Returns:
+          The arrays of each piece, and the arrays of the state; an empty list and None at first.
 
         Raises:
-          InputError: a piece in the middle is so: the state after the one before it is not kept.
+          InputError: an earlier piece is damaged, and the state before it is no longer there.
         """
-        states = [state for place in (0, 1) if (state := self._state(place)) is not None]
+        states = [state for slot in (0, 1) if (state := self._state(slot)) is not None]
         states.sort(key=_count, reverse=True)
         pieces, fault = self._pieces(_count(states[0]) if states else 0)
         digests = [piece.described.digest for piece in pieces]
@@ -54,25 +57,25 @@ class Sequence:
         return [], None
 
     def append(self, arrays: Mapping[str, ArrayLike], state: Mapping[str, ArrayLike]) -> None:
-        """Adds a piece, and the state from which the next begins.
+        """Adds a piece, and the state from which the next piece begins.
 
-        The first call, where `resumed` did not come before it, begins anew.
+        Without an earlier call of `resumed` the first call begins a new chain.
 
         Args:
-          arrays: of the piece.
-          state: arrays from which the work goes on.
+          arrays: arrays of the piece.
+          state: arrays of the state after it.
         """
         previous = self._digests[-1] if self._digests else None
         number = len(self._digests)
-        # Lost with the power, it is found missing, and the state before it is still there.
+        # If a power failure loses this piece, `resumed` goes on from the state before it.
         digest = self._store.write(self._piece_name(number), previous, arrays, {}, "content")
-        # Last: it says which pieces count.
-        place = (number + 1) % 2
-        self._store.write(self._state_name(place), digest, state, {"pieces": number + 1}, "name")
+        # The state comes last, because it counts the valid pieces.
+        slot = (number + 1) % 2
+        self._store.write(self._state_name(slot), digest, state, {"pieces": number + 1}, "name")
         self._digests.append(digest)
 
     def _pieces(self, count: int) -> tuple[list[Piece], str]:
-        """The first `count` pieces, or those before the first faulty one, and its fault."""
+        """Reads the first `count` pieces, up to the first faulty one; returns its fault, too."""
         pieces: list[Piece] = []
         for number in range(count):
             name = self._piece_name(number)
@@ -88,17 +91,17 @@ class Sequence:
             pieces.append(piece)
         return pieces, ""
 
-    def _state(self, place: int) -> Piece | None:
-        """The last state or the one before it; None where it is not there, or damaged."""
+    def _state(self, slot: int) -> Piece | None:
+        """Reads the state in slot 0 or 1; returns None if it is missing or damaged."""
         try:
-            state = self._store.read(self._state_name(place))
+            state = self._store.read(self._state_name(slot))
         except DamagedError as error:
             LOG.warning("%s; it is not used", in_message(str(error)))
             return None
-        return state if state is None or _count(state) % 2 == place else None
+        return state if state is None or _count(state) % 2 == slot else None
 
     def _lacks_states(self) -> bool:
-        """True if any piece but the first is there, without states: none was written so."""
+        """True if there is a piece after the first one, which cannot be without a state."""
         name = re.escape(self._store.path(f"{self._name}-NUMBER").name)
         pattern = re.compile(name.replace("NUMBER", r"(\d+)"))
         folder = self._store.folder
@@ -109,10 +112,10 @@ class Sequence:
     def _piece_name(self, number: int) -> str:
         return f"{self._name}-{number:05d}"
 
-    def _state_name(self, place: int) -> str:
-        return f"{self._name}-state-{place}"
+    def _state_name(self, slot: int) -> str:
+        return f"{self._name}-state-{slot}"
 
 
 def _count(state: Piece) -> int:
-    """The number of pieces before a state."""
+    """Returns the number of pieces before a state."""
     return int(state.described.metadata["pieces"])

@@ -1,6 +1,7 @@
-"""Pieces on disk: each is bound to its work, its place in it, its neighbour and its numbers.
+"""Pieces of a checkpoint on disk.
 
-A piece holds a digest of all four, so that none is taken for another.
+A piece holds a digest of its work, its name, the piece before it and its numbers, so that no piece
+is mistaken for another.
 """
 
 import json
@@ -18,7 +19,7 @@ from mrjax.core.errors import InputError
 from mrjax.io import files, npz
 from mrjax.io.checkpoint.folder import clear, clear_scratch, holds_anything, tag
 from mrjax.io.checkpoint.marker import FORM, KIND, Marker, existing_marker, write_marker
-from mrjax.io.checkpoint.work import digest_of_work, sha256
+from mrjax.io.checkpoint.work import work_digest, sha256
 from mrjax.io.markers import Strict
 from mrjax.io.npz import DamagedError
 
@@ -26,7 +27,7 @@ Arrays = dict[str, np.ndarray]
 
 
 class PieceMetadata(Strict):
-    """The description in a piece of itself."""
+    """The metadata of a piece."""
 
     kind: Literal["mrjax piece"]
     work: str
@@ -41,7 +42,7 @@ PIECE = npz.Schema("a piece of a checkpoint", PieceMetadata, None)
 
 @dataclass(frozen=True)
 class Piece:
-    """A piece as it was read."""
+    """The arrays and metadata of a piece."""
 
     arrays: Arrays
     described: PieceMetadata
@@ -49,7 +50,7 @@ class Piece:
 
 @dataclass(frozen=True)
 class PieceStore:
-    """A folder for the pieces of one work, made with the first of them."""
+    """A folder for the pieces of one work; it is made with the first piece."""
 
     folder: Path
     work: dict[str, str]
@@ -57,19 +58,19 @@ class PieceStore:
     @property
     def digest(self) -> str:
         """The digest of the work."""
-        return digest_of_work(self.work)
+        return work_digest(self.work)
 
     def claim(self) -> None:
         """Makes the folder, with a marker that describes the work.
 
         Raises:
-          InputError: it is not ours, or not any more.
+          InputError: the folder was not made by mrjax, or now holds other work.
         """
         marker = existing_marker(self.folder)
         if marker is not None and marker.work == self.work and not marker.done:
             return
         if marker is not None and not marker.done and holds_anything(self.folder):
-            raise InputError(f"{self.folder}: keeps other work by now; give another folder")
+            raise InputError(f"{self.folder}: now holds other work; give another folder")
         if marker is not None:
             clear(self.folder, keeping=True)
         self.folder.mkdir(parents=True, exist_ok=True)
@@ -77,25 +78,25 @@ class PieceStore:
         clear_scratch(self.folder)
 
     def path(self, name: str) -> Path:
-        """The path of a piece: no other program gives a file this name."""
+        """Returns the path of a piece; no other program gives a file such a name."""
         return self.folder / f"{name}.{tag(self.digest)}.npz"
 
     def read(self, name: str) -> Piece | None:
-        """A piece that belongs to this place of this work and is whole; None if there is none.
+        """Reads a piece of this work; returns None if there is none.
 
         Raises:
-          DamagedError: it does not, or is not.
-          InputError: there is something other than a file, or it cannot be read.
+          DamagedError: the piece is damaged, or belongs to other work or another name.
+          InputError: the path is no file, or it cannot be read.
         """
         path = self.path(name)
         if not _is_file(path):
             return None
         arrays, described = npz.examined(path, PIECE, sys.maxsize)
         if (described.work, described.name) != (self.digest, name):
-            raise DamagedError(f"{path}: is of another place, or of other work")
-        digest = self._digest_of_piece(name, described.previous, arrays, described.metadata)
+            raise DamagedError(f"{path}: belongs to another piece, or to other work")
+        digest = self._piece_digest(name, described.previous, arrays, described.metadata)
         if described.digest != digest:
-            raise DamagedError(f"{path}: its numbers are not those that were kept")
+            raise DamagedError(f"{path}: its numbers are not those that were saved")
         return Piece(arrays, described)
 
     def write(
@@ -104,20 +105,20 @@ class PieceStore:
         previous: str | None,
         arrays: Mapping[str, ArrayLike],
         metadata: Mapping[str, Any],
-        lasting: files.Lasting,
+        durability: files.Durability,
     ) -> str:
         """Writes a piece; returns its digest.
 
         Args:
-          name: of its place.
-          previous: digest of the piece before it, None without one.
-          arrays: its numbers.
-          metadata: what JSON takes.
-          lasting: as for `files.replacing`.
+          name: name of the piece.
+          previous: digest of the piece before it; None if there is none.
+          arrays: numbers of the piece, by name.
+          metadata: metadata of the piece, in types that JSON has.
+          durability: as for `files.replacing`.
         """
         numbers = {key: np.asarray(array) for key, array in arrays.items()}
         extra = files.plain(dict(metadata))
-        digest = self._digest_of_piece(name, previous, numbers, extra)
+        digest = self._piece_digest(name, previous, numbers, extra)
         described = PieceMetadata(
             kind="mrjax piece",
             work=self.digest,
@@ -129,27 +130,29 @@ class PieceStore:
         self.claim()
         path = self.path(name)
         _is_file(path)
-        npz.write(path, numbers, described.model_dump(), lasting)
+        npz.write(path, numbers, described.model_dump(), durability)
         return digest
 
-    def _digest_of_piece(
+    def _piece_digest(
         self, name: str, previous: str | None, arrays: Arrays, metadata: dict[str, Any]
     ) -> str:
-        """The digest of a piece: its work, its place, the piece before it, and its content."""
+        """Returns the digest of a piece: its work, its name, the piece before it, its content."""
         bound = json.dumps([self.digest, name, previous, list(arrays), metadata], sort_keys=True)
         return sha256(bound, *arrays.values()).hexdigest()
 
 
 def _is_file(path: Path) -> bool:
-    """True if a file is there, False if nothing is.
+    """True if there is a file, False if there is nothing.
 
     Raises:
-      InputError: something else is.
+      InputError: there is something other than a file.
     """
     try:
         mode = path.lstat().st_mode
     except FileNotFoundError:
         return False
     if not stat.S_ISREG(mode):
-        raise InputError(f"{path}: is no file, so not of mrjax; it is not touched: take it away")
+        raise InputError(
+            f"{path}: is no file, so mrjax did not write it; it is not touched: take it away"
+        )
     return True

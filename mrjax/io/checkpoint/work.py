@@ -1,4 +1,4 @@
-"""Descriptions of the work that a checkpoint keeps: all that decides its numbers, as text."""
+"""Descriptions of the work of a checkpoint: everything that its numbers depend on, as text."""
 
 import dataclasses
 import hashlib
@@ -20,28 +20,28 @@ NUMERIC_PACKAGES = ("mrjax", "jax", "jaxlib", "llvmlite", "numpy", "scipy")
 
 
 def described(work: Mapping[str, Any]) -> dict[str, str]:
-    """Everything that a piece of work consists of, and what else its last digits depend on."""
+    """Returns the description of a work, by name, and of the environment."""
     return {**dict(_entries("", work)), **environment()}
 
 
 def environment() -> dict[str, str]:
-    """Versions, processor and device, on which the last digits depend."""
+    """Returns versions, processor and device, on which the last digits depend."""
     versions = {f"version of {name}": importlib.metadata.version(name) for name in NUMERIC_PACKAGES}
     return versions | {"machine": machine(), "device": jax.default_backend()}
 
 
 def digest(*arrays: ArrayLike) -> str:
-    """A name for numbers, to the last bit."""
+    """Returns a digest of arrays, to the last bit."""
     return sha256("", *map(np.asarray, arrays)).hexdigest()[:16]
 
 
-def digest_of_work(work: dict[str, str]) -> str:
-    """A name for described work."""
+def work_digest(work: dict[str, str]) -> str:
+    """Returns a digest of the description of a work."""
     return sha256(json.dumps(work, sort_keys=True)).hexdigest()
 
 
 def sha256(text: str, *arrays: np.ndarray) -> Any:
-    """The hash of a text, and of arrays with their types and shapes."""
+    """Returns the hash of a text, and of arrays with their types and shapes."""
     digest = hashlib.sha256(text.encode())
     for array in arrays:
         digest.update(f"{array.dtype}{array.shape}".encode())
@@ -50,7 +50,7 @@ def sha256(text: str, *arrays: np.ndarray) -> Any:
 
 
 def _entries(name: str, value: Any) -> Iterator[tuple[str, str]]:
-    """Every part of a value, by name, as text; arrays by a digest."""
+    """Yields the name and the text of every part of a value; an array is given by a digest."""
     if isinstance(value, jax.tree_util.Partial):
         value = {"law": identity(value.func), "arguments": value.args, **value.keywords}
     elif isinstance(value, BaseModel):
@@ -60,7 +60,7 @@ def _entries(name: str, value: Any) -> Iterator[tuple[str, str]]:
     elif hasattr(value, "_asdict"):
         value = value._asdict()
     elif isinstance(value, list | tuple):
-        value = {str(place): item for place, item in enumerate(value)}
+        value = {str(number): item for number, item in enumerate(value)}
     if isinstance(value, Mapping):
         for key, inner in value.items():
             yield from _entries(f"{name}.{key}" if name else str(key), inner)

@@ -1,6 +1,6 @@
-"""Arrays on disk in numpy's `.npz` format, read by a schema; no pickle, no file is believed.
+"""Arrays on disk in numpy's `.npz` format, validated by a schema when they are read; no pickle.
 
-`write` and `read` are for results, `examined` for those who know what to do where one is damaged.
+`write` and `read` are for results. `examined` is for callers that handle a damaged file themselves.
 """
 
 from mrjax.io.npz.archive import MAX_BYTES as MAX_BYTES

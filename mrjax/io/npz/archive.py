@@ -1,6 +1,6 @@
-"""The archive of a file: its directory, the headers of its arrays, and their bytes.
+"""The zip archive of a file: its directory, the headers of its arrays, and their bytes.
 
-Each is held against the bytes that are there before room is made for any number.
+Directory and headers are checked against the size of the file before memory is allocated.
 """
 
 import math
@@ -20,43 +20,43 @@ from mrjax.io.npz.schema import DamagedError, Schema
 M = TypeVar("M", bound=BaseModel)
 
 METADATA = "metadata"
-"""Name of the entry of JSON, which describes the arrays."""
+"""Name of the JSON entry, which describes the arrays."""
 MAX_BYTES = 2**33
-"""Size of all arrays of a file, unpacked."""
+"""Default for the largest size of all arrays of a file, unpacked."""
 MOST_METADATA = 2**26
-"""Bytes of the JSON of a file, unpacked."""
+"""Largest size of the JSON of a file, unpacked, in bytes."""
 MOST_ENTRIES = 1000
 MOST_HEADER = 10_000
-"""Bytes of the header of an array, as numpy has it."""
+"""Largest size of the header of an array in bytes, as in numpy."""
 AT_ONCE = 2**22
-"""Bytes unpacked at a time."""
+"""Number of bytes unpacked at a time."""
 ENCRYPTED = 0x1 | 0x40
 """Flags of an encrypted entry."""
 HEADER = re.compile(
     rb"\{\s*'descr':\s*'([<>|=]?[biufcU]\d{1,9})',\s*'fortran_order':\s*(False|True),"
     rb"\s*'shape':\s*\(((?:\d{1,19},\s*)*(?:\d{1,19})?)\),?\s*\}\s*"
 )
-"""The header that numpy has written since its first version; nothing of it is evaluated."""
+"""The header of an array as every version of numpy writes it; it is matched, never evaluated."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """An array in a file, by its header."""
+    """The header of an array in a file."""
 
     name: str
     info: zipfile.ZipInfo
-    begins: int  # of its numbers, byte of the entry
+    offset: int  # byte of the entry at which the numbers begin
     shape: tuple[int, ...]
     dtype: np.dtype
     order: Any  # "C" or "F", as numpy's type stubs have it
 
 
 def refuse_directory(archive: zipfile.ZipFile, schema: Schema, length: int, max_bytes: int) -> None:
-    """Refuses entries by the directory of the archive."""
+    """Refuses an archive whose directory is inconsistent, or unpacks to more than `max_bytes`."""
     infos = archive.infolist()
     names = [info.filename for info in infos]
     if len(names) > MOST_ENTRIES or len(set(names)) < len(names):
-        raise DamagedError("it has an entry twice, or too many")
+        raise DamagedError("it has an entry twice, or too many entries")
     for info in infos:
         if not info.filename.endswith(".npy") or info.flag_bits & ENCRYPTED:
             raise DamagedError(f"its entry {shown(info.filename)} is encrypted, or no array")
@@ -74,7 +74,7 @@ def refuse_directory(archive: zipfile.ZipFile, schema: Schema, length: int, max_
 
 
 def read_entry(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Entry:
-    """Reads the header of an array; refuses one that does not match the bytes that are there."""
+    """Reads the header of an array; refuses one that does not match the size of the entry."""
     name = info.filename.removesuffix(".npy")
     with archive.open(info) as entry:
         version = np.lib.format.read_magic(entry)
@@ -86,16 +86,16 @@ def read_entry(archive: zipfile.ZipFile, info: zipfile.ZipInfo) -> Entry:
         raise DamagedError(f"the header of {shown(name)} is not numpy's")
     shape = tuple(int(axis) for axis in header[3].split(b",") if axis.strip())
     dtype = np.dtype(header[1].decode())
-    begins = np.lib.format.MAGIC_LEN + size + header_length
-    if dtype.itemsize == 0 or begins + math.prod(shape) * dtype.itemsize != info.file_size:
-        raise DamagedError(f"{shown(name)} has shape {shown(shape)}, and as many numbers not")
-    return Entry(name, info, begins, shape, dtype, "F" if header[2] == b"True" else "C")
+    offset = np.lib.format.MAGIC_LEN + size + header_length
+    if dtype.itemsize == 0 or offset + math.prod(shape) * dtype.itemsize != info.file_size:
+        raise DamagedError(f"{shown(name)} has shape {shown(shape)}, but not as many numbers")
+    return Entry(name, info, offset, shape, dtype, "F" if header[2] == b"True" else "C")
 
 
 def read_metadata(archive: zipfile.ZipFile, entry: Entry, schema: Schema[M]) -> M:
-    """Reads the JSON, as the schema has it."""
+    """Reads the JSON entry as the model of the schema."""
     if entry.shape or entry.dtype.kind != "U" or entry.dtype.itemsize > MOST_METADATA:
-        raise DamagedError("its metadata are no text")
+        raise DamagedError("its metadata are not text")
     raw = b"".join(_unpacked(archive, entry))
     byte_order = "utf-32-be" if entry.dtype.str.startswith(">") else "utf-32-le"
     try:
@@ -108,7 +108,7 @@ def read_numbers(archive: zipfile.ZipFile, entry: Entry) -> np.ndarray:
     """Reads the numbers of an array, in the byte order of this machine."""
     if entry.dtype.kind == "U":
         raise DamagedError(f"{shown(entry.name)} is text")
-    buffer = np.empty(entry.info.file_size - entry.begins, np.uint8)
+    buffer = np.empty(entry.info.file_size - entry.offset, np.uint8)
     filled = 0
     for block in _unpacked(archive, entry):
         buffer[filled : filled + len(block)] = np.frombuffer(block, np.uint8)
@@ -118,14 +118,14 @@ def read_numbers(archive: zipfile.ZipFile, entry: Entry) -> np.ndarray:
 
 
 def _unpacked(archive: zipfile.ZipFile, entry: Entry) -> Iterator[bytes]:
-    """Yields the bytes of an array, as many as its header tells, checked by their checksum."""
-    left = entry.info.file_size - entry.begins
+    """Yields the bytes of an array, in blocks; compares their number and their checksum."""
+    remaining = entry.info.file_size - entry.offset
     with archive.open(entry.info) as stored:
-        stored.read(entry.begins)
-        while left:
-            block = stored.read(min(left, AT_ONCE))
+        stored.read(entry.offset)
+        while remaining:
+            block = stored.read(min(remaining, AT_ONCE))
             if not block:
                 raise DamagedError(f"{shown(entry.name)} ends early")
-            left -= len(block)
+            remaining -= len(block)
             yield block
-        stored.read(1)  # at its end, which compares the checksum
+        stored.read(1)  # zipfile compares the checksum at the end

@@ -1,4 +1,4 @@
-"""Reading of a file: nothing is believed, and damage is an error in one line."""
+"""Reading of a file: every byte is validated, and damage is reported in one line."""
 
 import os
 import stat
@@ -31,29 +31,29 @@ def read(
     """Reads the arrays and the metadata that `write` wrote.
 
     Args:
-      path: of the file.
-      schema: what it must hold.
-      max_bytes: of its arrays, unpacked.
+      path: path of the file.
+      schema: requirements on the file.
+      max_bytes: largest size of the unpacked arrays.
 
     Raises:
-      InputError: there is no such file, or it cannot be read, holds something else, or more than
-        `max_bytes`, or is damaged.
+      InputError: there is no such file, or it cannot be read, is damaged, does not fit the schema,
+        or holds more than `max_bytes`.
     """
     try:
         return examined(path, schema, max_bytes)
     except DamagedError as damage:
-        raise InputError(f"{damage}; give {schema.what}") from None
+        raise InputError(f"{damage}; give {schema.description}") from None
 
 
 def examined(path: Path, schema: Schema[M], max_bytes: int) -> tuple[dict[str, np.ndarray], M]:
-    """Reads as `read` does, for those who know what to do where a file is damaged.
+    """Reads as `read` does, with an error of its own for a damaged file.
 
     Raises:
-      DamagedError: it holds something else, or more, or is damaged.
-      InputError: there is no such file, or it is no file, or cannot be read.
+      DamagedError: the file is damaged, does not fit the schema, or holds more than `max_bytes`.
+      InputError: there is no such file, or the path is no file or cannot be read.
     """
     try:
-        if not stat.S_ISREG(path.stat().st_mode):  # a pipe would be waited for
+        if not stat.S_ISREG(path.stat().st_mode):  # a pipe would block
             raise InputError(f"{path}: is not a file that mrjax wrote, nor any file; give another")
         with path.open("rb") as file:
             return _parsed(file, schema, max_bytes)
@@ -66,17 +66,17 @@ def examined(path: Path, schema: Schema[M], max_bytes: int) -> tuple[dict[str, n
     except DamagedError as damage:
         reason = str(damage)
     except Exception as error:
-        # Every byte is untrusted, and the libraries that unpack it state no whole list of what
-        # they raise: zipfile and zlib alone have raised nine kinds.
+        # Every byte is untrusted, and the libraries that unpack it do not document all that they
+        # raise: zipfile and zlib alone have raised nine kinds.
         reason = f"{type(error).__name__}: {shown(str(error))}"
-    raise DamagedError(f"{path}: is not a file that mrjax wrote, or damaged ({reason})")
+    raise DamagedError(f"{path}: is not a file that mrjax wrote, or is damaged ({reason})")
 
 
 def refuse_beyond_single(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    """Passes where JAX, as it is set, takes all numbers for finite.
+    """Refuses numbers that would overflow in JAX's current precision.
 
     Raises:
-      InputError: it is set to single precision, which has no form for some.
+      InputError: JAX is set to single precision, and a number is too large for it.
     """
     if jax.config.jax_enable_x64:  # type: ignore[attr-defined] # made at run time
         return
@@ -89,7 +89,7 @@ def refuse_beyond_single(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
 
 
 def _parsed(file: Any, schema: Schema[M], max_bytes: int) -> tuple[dict[str, np.ndarray], M]:
-    """Reads directory, headers, metadata, then the numbers: each only where all before is right."""
+    """Reads directory, headers, metadata and numbers; each is checked before the next is read."""
     length = os.fstat(file.fileno()).st_size
     try:
         archive = zipfile.ZipFile(file)

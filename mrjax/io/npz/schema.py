@@ -1,4 +1,4 @@
-"""The schema of a file: which arrays it must hold, of which kind, shape and size."""
+"""The schema of a file: its arrays by name, with their types, shapes and bounds."""
 
 import math
 from collections.abc import Mapping
@@ -11,7 +11,7 @@ from pydantic import BaseModel
 from mrjax.core.errors import shown
 
 SIDE_BY_SIDE = "..."
-"""Stands first in a shape for the axes of several runs, as many and as long in all arrays."""
+"""First entry of a shape, which stands for the axes of several runs; all arrays have the same."""
 
 M = TypeVar("M", bound=BaseModel)
 
@@ -25,30 +25,30 @@ class Numbers:
     """Requirements on an array."""
 
     shape: tuple[int | str, ...]
-    """Lengths of the axes; those of one name agree in all arrays."""
+    """Lengths of the axes; axes with the same name have the same length in all arrays."""
     kind: str = "float"
-    """`float`, of 32 or 64 bits, the same in all arrays; or `int`, of 32 bits."""
+    """`float`, with 32 or 64 bits, the same in all arrays; or `int`, with 32 bits."""
     least: float = -math.inf
     most: float = math.inf
     below: str | None = None
-    """Name of an axis whose length is beyond all numbers."""
+    """Name of an axis; all numbers are below its length."""
     finite: bool = True
     optional: bool = False
     needs: str | None = None
-    """Name of an array that must be there where this one is."""
+    """Name of another array, without which this one is refused."""
 
 
 @dataclass(frozen=True)
 class Schema(Generic[M]):
     """Requirements on a file."""
 
-    what: str
-    """Words for such a file in a message: `a file that save_state wrote`."""
+    description: str
+    """Words for such a file in a message, such as `a file that save_state wrote`."""
     metadata: type[M]
     arrays: Mapping[str, Numbers] | None
-    """Requirements by name; None for any name and shape, which must not be compressed."""
+    """Requirements by name; None for arrays of any name and shape, which must not be compressed."""
     least: Mapping[str, int] = field(default_factory=dict)
-    """Length of axes by name; 1 where not given."""
+    """Least length of an axis, by name; 1 by default."""
 
 
 class Header(Protocol):
@@ -64,13 +64,13 @@ class Header(Protocol):
 
 
 def refuse_headers(entries: Mapping[str, Header], schema: Schema) -> dict[str, Any]:
-    """Refuses names, kinds and shapes that are not in the schema; returns lengths of its axes."""
+    """Refuses names, types and shapes that do not fit a schema; returns the lengths of its axes."""
     arrays = schema.arrays
     if arrays is None:
         return {}
     for name in entries:
         if name not in arrays:
-            raise DamagedError(f"it holds {shown(name)} beside what it should")
+            raise DamagedError(f"it holds {shown(name)}, which is not expected")
     lengths: dict[str, Any] = {}
     precisions = set()
     for name, numbers in arrays.items():
@@ -79,16 +79,16 @@ def refuse_headers(entries: Mapping[str, Header], schema: Schema) -> dict[str, A
                 raise DamagedError(f"it has no {name}")
             continue
         if numbers.needs is not None and numbers.needs not in entries:
-            raise DamagedError(f"it has {name}, and no {numbers.needs}")
+            raise DamagedError(f"it has {name} without {numbers.needs}")
         entry = entries[name]
         kind = entry.dtype.newbyteorder("=")
         if kind not in ((np.float32, np.float64) if numbers.kind == "float" else (np.int32,)):
-            raise DamagedError(f"{name} is of {kind}, where it must be {numbers.kind}")
+            raise DamagedError(f"{name} has type {kind}, but must be {numbers.kind}")
         if numbers.kind == "float":
             precisions.add(kind)
         _refuse_shape(name, entry.shape, numbers.shape, lengths)
     if len(precisions) > 1:
-        raise DamagedError("its numbers are of two precisions")
+        raise DamagedError("its numbers have two precisions")
     for axis, length in lengths.items():
         if axis != SIDE_BY_SIDE and length < schema.least.get(axis, 1):
             raise DamagedError(f"{axis} = {length} is too few")
@@ -101,9 +101,12 @@ def _refuse_shape(
     expected_shape: tuple[int | str, ...],
     lengths: dict[str, Any],
 ) -> None:
-    """Refuses a shape whose axes are not as long as expected, or as those of one name before."""
+    """Refuses a shape whose axes do not have the expected lengths.
+
+    `lengths` has the length of every named axis of earlier arrays, and gets those of this one.
+    """
     words = (
-        f"{name} has shape {shown(shape)} where it must be ({', '.join(map(str, expected_shape))})"
+        f"{name} has shape {shown(shape)}, but must have ({', '.join(map(str, expected_shape))})"
     )
     rest = shape
     if expected_shape[:1] == (SIDE_BY_SIDE,):

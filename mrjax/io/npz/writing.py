@@ -1,4 +1,4 @@
-"""Writing of a file: arrays by name with all digits, and JSON that describes them."""
+"""Writing of a file: arrays by name, with all digits, and JSON metadata."""
 
 import json
 from collections.abc import Mapping
@@ -14,10 +14,10 @@ from mrjax.io.npz.archive import METADATA
 
 
 def named(path: str | Path) -> Path:
-    """The path of a file to be written.
+    """Returns the path of a file to be written.
 
     Raises:
-      InputError: another ending than `.npz`.
+      InputError: the suffix is not `.npz`.
     """
     if Path(path).suffix != ".npz":
         raise InputError(f"{path}: give a name that ends in .npz")
@@ -28,24 +28,24 @@ def write(
     path: Path,
     arrays: Mapping[str, ArrayLike],
     metadata: Mapping[str, Any],
-    lasting: files.Lasting = "name",
+    durability: files.Durability = "name",
 ) -> None:
-    """Writes arrays by name, with all digits, and JSON that describes them; no pickle.
+    """Writes arrays by name, with all digits, and JSON metadata; no pickle.
 
     Args:
-      path: ends in `.npz`; replaced at once.
-      arrays: of numbers; names tell units, such as `position_m`.
-      metadata: what JSON takes, and numpy and JAX numbers as numbers.
-      lasting: as for `files.replacing`.
+      path: path of the file, ending in `.npz`; an old file is replaced.
+      arrays: arrays of numbers by name; the names have units, such as `position_m`.
+      metadata: values in types that JSON has; numbers of numpy and JAX are written as numbers.
+      durability: as for `files.replacing`.
 
     Raises:
-      TypeError: an array of objects, which only pickle could write.
+      TypeError: an array holds objects, which only pickle could write.
     """
     numbers = {name: np.asarray(array) for name, array in arrays.items()}
     for name, array in numbers.items():
         if array.dtype.hasobject or name == METADATA:
             raise TypeError(f"{name}: an array of objects, or the name of the metadata")
     text = json.dumps(files.plain(metadata))
-    with files.replacing(path, lasting) as scratch:
+    with files.replacing(path, durability) as scratch:
         entries: dict[str, Any] = {**numbers, METADATA: np.asarray(text)}
         np.savez(scratch, **entries)
