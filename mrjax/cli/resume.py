@@ -47,7 +47,7 @@ def checkpointed(
                 f"{path}: keeps an unfinished run; go on with --resume, or take it away, or give "
                 "another --out, to begin anew"
             )
-        Checkpoint.of_work(path, **work).claim()
+        Checkpoint.open(path, **work).claim()
         with checkpoint.locked(path), _removed_when_done(path, own_files):
             if checkpoint.holds_anything(path) and not quiet:
                 echo(f"Going on with what {path} keeps.", err=True)

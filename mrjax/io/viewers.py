@@ -163,8 +163,8 @@ def _refuse_foreign(folder: Path, frames: int) -> int:
         own = (markers.read(folder / FRAME_COUNT, _FrameCount) or _frame_count(0)).frames
     except ForeignError as error:
         raise InputError(
-            f"{folder / FRAME_COUNT}: was not written by mrjax, or has changed since ({error}); give "
-            "another name"
+            f"{folder / FRAME_COUNT}: was not written by mrjax, or has changed since ({error}); "
+            "give another name"
         ) from None
     for number in range(own, frames):
         if os.path.lexists(frame := folder / f"{number:06d}.vtu"):

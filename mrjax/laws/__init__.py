@@ -1,7 +1,7 @@
-"""The formulas of the model, one law a module, each named by its equation.
+"""The formulas of the model, one law in each module, with the numbers of their equations.
 
-Functions of `Parameters` or of plain arrays, elementwise, in any coherent system of units: the
-coated particle, drag, contacts, time scales, closed forms, dimensionless numbers, water.
+All are elementwise functions of `Parameters` or of arrays, in any coherent system of units: coated
+particle, drag, contacts, time scales, closed forms, dimensionless numbers, water.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Closed forms: what a simulation must reproduce where the paper, or Hertz, has an exact answer."""
+"""Closed forms: exact solutions, of the paper or of Hertz, that a simulation must reproduce."""
 
 import jax.numpy as jnp
 from jax import Array
@@ -13,10 +13,10 @@ SERIES_ORDER = 11  # exact to rounding below the switch, three derivatives inclu
 
 
 def terminal_velocity(parameters: Parameters) -> Array:
-    """beta/alpha of Eqs. 13 and 27: net weight over drag coefficient, downwards; m/s, () or (N,).
+    """Terminal velocity beta/alpha of Eqs. 13 and 27, net weight over drag coefficient.
 
-    f_w, f_s and f_v enter only as a product. Infinite without drag, undefined
-    with neither drag nor gravity.
+    It is positive downwards; m/s, () or (N,). f_w, f_s and f_v enter only as a product. Without
+    drag it is infinite, without drag and gravity NaN.
 
     Example:
       >>> parameters = mrjax.Recipe.load("case1").parameters()
@@ -24,7 +24,7 @@ def terminal_velocity(parameters: Parameters) -> Array:
       491.2 mm/day
 
     Raises:
-      InputError: parameters that are something else.
+      InputError: `parameters` is no `Parameters`.
     """
     checks.require_class(Parameters, parameters=parameters)
     return jnp.divide(particle.net_weight(parameters), drag.coefficient(parameters))
@@ -35,12 +35,13 @@ def free_fall_velocity(
 ) -> Array:
     """Eqs. 13 and 27: v(t) = v_0 e^{-alpha t} + beta/alpha (1 - e^{-alpha t}), downwards; m/s.
 
-    alpha carries the added mass of Eq. 12 and the inertia of the coated particle; the paper prints
-    it with neither. Without drag this is v_0 + beta t.
+    alpha contains the added mass of Eq. 12 and the inertia of the coated particle; the paper prints
+    it without both. Without drag the velocity is v_0 + beta t.
 
     Args:
-      time: s, any shape that broadcasts with the parameters.
-      initial_velocity: m/s, downwards.
+      parameters: particles and fluid.
+      time: time, s, of any shape that broadcasts with the parameters.
+      initial_velocity: v_0, m/s, positive downwards.
     """
     inertia = particle.inertia(parameters)
     decay = drag.coefficient(parameters) / inertia * time
@@ -51,7 +52,7 @@ def free_fall_velocity(
 def hertz_duration(
     modulus: ArrayLike, radius: ArrayLike, mass: ArrayLike, speed: ArrayLike
 ) -> Array:
-    """Duration of an elastic impact, 2.94328 d_max / v; s. See `normal.impact_overlap`."""
+    """Duration of an elastic impact, 2.94328 d_max / v; s. Arguments as `normal.impact_overlap`."""
     return 2.94328 * normal.impact_overlap(modulus, radius, mass, speed) / speed
 
 

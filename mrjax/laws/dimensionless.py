@@ -1,8 +1,8 @@
 """Dimensionless numbers of a suspension, and the bounds within which the model holds.
 
 Re = rho_f v d / (f_v mu), of the coated particle   below 0.1: Stokes' drag within 2 % (Oseen 1910)
-St = v / (alpha R)                                  below 1: fluid has no memory of accelerations
-Pe = |m - m_f| g R / (k T)                         above 10: gravity moves them, not heat
+St = v / (alpha R)                                  below 1: the history force is negligible
+Pe = |m - m_f| g R / (k T)                         above 10: Brownian motion is negligible
 """
 
 from collections.abc import Iterable
@@ -18,14 +18,14 @@ from mrjax.core.parameters import Parameters
 from mrjax.laws import drag, particle, time_scales
 
 BOLTZMANN = 1.380649e-23
-"""J/K."""
+"""Boltzmann's constant k, J/K."""
 ROOM = 298.15
-"""K."""
+"""Room temperature, K."""
 
 
 @dataclass(frozen=True)
 class Number:
-    """A dimensionless number, the worst of all particles, and where the model holds."""
+    """A dimensionless number, of the particle nearest its bound, and the range of the model."""
 
     name: str
     value: float
@@ -33,41 +33,41 @@ class Number:
     at_most: bool
     """True if the model holds below the bound, False if above it."""
     beyond: str
-    """Effect that the model leaves out on the other side."""
+    """Effect on the other side of the bound, which the model neglects."""
 
     @property
     def holds(self) -> str:
-        """Bound of the model, in words."""
+        """Range in which the model holds, in words."""
         return f"{'below' if self.at_most else 'above'} {self.bound:g}"
 
     @property
     def warning(self) -> str | None:
-        """One line where the number is out of range."""
+        """Warning in one line if the number is out of range, else None."""
         if (self.value < self.bound) == self.at_most:
             return None
         side = "above" if self.at_most else "below"
         return f"{self.name} number {self.value:.2g} is {side} {self.bound:g}: {self.beyond}"
 
 
-def warnings(of: Iterable[Number]) -> list[str]:
-    """One line for each number that is out of range."""
-    return [one.warning for one in of if one.warning]
+def warnings(numbers: Iterable[Number]) -> list[str]:
+    """Returns a warning for each number that is out of range."""
+    return [number.warning for number in numbers if number.warning]
 
 
-def in_words(of: Iterable[Number]) -> str:
-    """The numbers, and where the model holds, in one line."""
-    return ", ".join(f"{one.name} {one.value:.2g} ({one.holds})" for one in of)
+def in_words(numbers: Iterable[Number]) -> str:
+    """Returns the numbers with the ranges in which the model holds, in one line."""
+    return ", ".join(f"{number.name} {number.value:.2g} ({number.holds})" for number in numbers)
 
 
 def reynolds_number(velocity: ArrayLike, parameters: Parameters) -> Array:
-    """Re = rho_f v 2 f_r R / (f_v mu) of a coated particle in the thickened fluid; 1.
+    """Reynolds number Re = rho_f v 2 f_r R / (f_v mu) of a coated particle; 1, () or (N,).
 
     Args:
       velocity: settling velocity, m/s, () or (N,).
-      parameters: of the particles and the fluid.
+      parameters: particles and fluid.
 
     Raises:
-      InputError: parameters that are something else.
+      InputError: `parameters` is no `Parameters`.
     """
     checks.require_class(Parameters, parameters=parameters)
     diameter = 2.0 * particle.outer_radius(parameters)
@@ -78,12 +78,12 @@ def reynolds_number(velocity: ArrayLike, parameters: Parameters) -> Array:
 def numbers(
     parameters: Parameters, velocity: ArrayLike, temperature: float = ROOM
 ) -> tuple[Number, Number, Number]:
-    """Reynolds', Stokes' and Peclet's number.
+    """Returns the Reynolds, Stokes and Peclet number of the particle nearest each bound.
 
     Args:
-      parameters: of the particles and the fluid.
-      velocity: at which they settle or rise, m/s, () or (N,).
-      temperature: of the fluid, K.
+      parameters: particles and fluid.
+      velocity: settling or rising velocity, m/s, () or (N,).
+      temperature: temperature of the fluid, K.
     """
     reynolds, stokes, peclet = map(
         float, evaluate_with_numpy(_worst, parameters, velocity, temperature)

@@ -1,4 +1,4 @@
-"""Effective properties of two surfaces in contact: Eqs. 5, 6 and 8, and tables by material."""
+"""Effective properties of two surfaces in contact, from Eqs. 5, 6 and 8 and tables by material."""
 
 from typing import Any, NamedTuple
 
@@ -13,7 +13,7 @@ from mrjax.laws.particle import CoatedParticle
 
 
 class PairProperties(NamedTuple):
-    """Constants of the contacts, (P,); () where equal for all."""
+    """Constants of P contacts, (P,), or () if they are the same for all."""
 
     modulus: Array  # E*, Pa
     shear_modulus: Array  # G*, Pa
@@ -37,38 +37,38 @@ def per_pair(
     *,
     coated: CoatedParticle | None = None,
 ) -> PairProperties:
-    """Properties of the contacts between these surfaces; a wall is of infinite radius and mass.
+    """Returns the properties of contacts; a wall has infinite radius and mass.
 
     Args:
-      parameters: of the run.
-      material: index of each particle, (N,); None where all are of one.
+      parameters: parameters of the run.
+      material: material of each particle, (N,); None if all are of one material.
       first: ids of particles, (P,).
       second: ids of their partners, particles or walls, (P,).
-      wall: whether the second is a wall, (P,); None in a box without.
-      coated: the coated particles; left out, of the parameters.
+      wall: True for a contact with a wall, (P,); None in a box without walls.
+      coated: radius and inertia of the coated particles; computed from the parameters by default.
     """
     coated = particle.coated_particle(parameters) if coated is None else coated
 
-    def sides(leaf: Array, of_wall: Array | None = None) -> tuple[Array, Array]:
-        # A wall's id is beyond the last particle's, which is read in its place.
-        mine, theirs = (leaf, leaf) if jnp.ndim(leaf) == 0 else (leaf[first], leaf[second])
-        if of_wall is not None and wall is not None:
-            theirs = jnp.where(wall, of_wall, theirs)
-        return mine, theirs
+    def sides(leaf: Array, wall_value: Array | None = None) -> tuple[Array, Array]:
+        # A wall's id is out of bounds; JAX then reads the last particle, which is not used.
+        leaf_i, leaf_j = (leaf, leaf) if jnp.ndim(leaf) == 0 else (leaf[first], leaf[second])
+        if wall_value is not None and wall is not None:
+            leaf_j = jnp.where(wall, wall_value, leaf_j)
+        return leaf_i, leaf_j
 
     def combined(leaf: Array) -> Array:
-        mine, theirs = sides(leaf)
-        between = normal.harmonic(mine, theirs)
-        return between if wall is None else jnp.where(wall, mine, between)
+        leaf_i, leaf_j = sides(leaf)
+        reduced = normal.harmonic(leaf_i, leaf_j)
+        return reduced if wall is None else jnp.where(wall, leaf_i, reduced)
 
     def table(leaf: Array) -> Array:
         if jnp.ndim(leaf) == 0:
             return leaf
         index = jnp.zeros(1, jnp.int32) if material is None else material
-        at_wall = leaf[index[first], -1]
-        mine, theirs = index[first], index[second]
-        between = leaf[mine, theirs]
-        return between if wall is None else jnp.where(wall, at_wall, between)
+        wall_value = leaf[index[first], -1]
+        material_i, material_j = index[first], index[second]
+        value = leaf[material_i, material_j]
+        return value if wall is None else jnp.where(wall, wall_value, value)
 
     (modulus_i, modulus_j), (poisson_i, poisson_j) = (
         sides(parameters.elastic_modulus, parameters.wall_elastic_modulus),
@@ -81,7 +81,7 @@ def per_pair(
         tangential.effective_shear_modulus(*materials),
         combined(radius),
         combined(mass),
-        combined(rolling.about_contact(moment, mass, radius)),
+        combined(rolling.contact_inertia(moment, mass, radius)),
         table(parameters.friction),
         table(normal.damping_ratio(parameters.restitution)),
         table(parameters.dissipation),
@@ -97,18 +97,19 @@ def per_kind(
     walled: bool,
     coated: CoatedParticle | None = None,
 ) -> PairProperties | None:
-    """Constants of a contact of two particles and, in a box with walls, of one with a wall.
+    """Returns the constants of a particle contact and, in a box with walls, of a wall contact.
 
-    Of shape (1,) or (2,), () where all are equal; None where particles differ, and so do the
-    contacts of one kind.
+    Returns:
+      Properties of shape (1,) or (2,), or () if all contacts are the same; None if particles
+      differ, so that contacts of one kind have different constants.
     """
     coated = particle.coated_particle(parameters) if coated is None else coated
-    of_each = coated.radius, coated.inertia, parameters.elastic_modulus, parameters.poisson_ratio
-    if material is not None or any(jnp.ndim(leaf) for leaf in of_each):
+    leaves = coated.radius, coated.inertia, parameters.elastic_modulus, parameters.poisson_ratio
+    if material is not None or any(jnp.ndim(leaf) for leaf in leaves):
         return None
-    anyone = jnp.zeros(1 + walled, jnp.int32)
+    first = jnp.zeros(1 + walled, jnp.int32)  # all particles are alike: take the first
     wall = np.array([False, True]) if walled else None
-    return per_pair(parameters, None, anyone, anyone, wall, coated=coated)
+    return per_pair(parameters, None, first, first, wall, coated=coated)
 
 
 # Their names of before.
@@ -117,5 +118,5 @@ of_kinds = per_kind
 
 
 def of(parameters: Parameters, material: Array | None, listed: Any) -> PairProperties:
-    """`per_pair` by its name of before, for what has `first`, `second` and `wall`."""
+    """Calls `per_pair` under its name of before, with an object's `first`, `second` and `wall`."""
     return per_pair(parameters, material, listed.first, listed.second, listed.wall)

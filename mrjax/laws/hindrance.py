@@ -1,8 +1,8 @@
-"""Hindered settling by the local volume fraction (Kynch 1952): f_w of each particle's own height.
+"""Hindered settling (Kynch 1952): f_w of each particle from the local volume fraction.
 
-A suspension settles in layers: clear fluid above, the suspension, the bed. With one f_w for all,
-the bed consolidates and the interface falls with the same drag; here each particle feels that of
-its layer.
+A suspension settles in layers: clear fluid, suspension, bed. With one f_w for all particles, the
+consolidating bed and the falling interface have the same drag. Here the drag on a particle follows
+from the volume fraction at its height.
 """
 
 from collections.abc import Callable
@@ -19,21 +19,21 @@ from mrjax.core.parameters import Parameters, per_particle
 from mrjax.laws import particle
 
 Hindrance = Callable[[ArrayLike], ArrayLike]
-"""f_w for volume fractions: any function of JAX, such as `lambda phi: (1 - phi) ** -4.65`. Given as
-`jax.tree_util.Partial` of a closure of `mrjax.laws.drag` and its coefficients, these can change
-without a new program."""
+"""f_w as a function of the volume fraction: any JAX function, such as
+`lambda phi: (1 - phi) ** -4.65`. The coefficients of a `jax.tree_util.Partial`, such as one of a
+closure of `mrjax.laws.drag`, can change without a new compilation."""
 
 BED_FRACTION = 0.55
-"""Volume fraction of a bed, where the contacts are that decide how long a step may be."""
+"""Volume fraction of a bed, whose contacts limit the step."""
 LARGEST_FRACTION = 0.7
-"""Volume fraction beyond which none is believed: more than a random packing has."""
+"""Largest volume fraction passed to a closure; a random packing has less."""
 
 
 def as_tree(hindrance: Hindrance | None) -> Hindrance | None:
-    """The same, as what can be handed to a compiled program.
+    """Returns the function as a pytree, which a compiled program takes as an argument.
 
     Raises:
-      InputError: it is no function.
+      InputError: `hindrance` is no function.
     """
     if hindrance is None:
         return None
@@ -49,13 +49,14 @@ def as_tree(hindrance: Hindrance | None) -> Hindrance | None:
 def hindered_parameters(
     parameters: Parameters, hindrance: Hindrance, box: Box, position: Array, spacing: float
 ) -> Parameters:
-    """The parameters with the f_w that each particle feels, (N,).
+    """Returns the parameters with f_w from the local volume fraction of each particle, (N,).
 
     Args:
-      parameters, box: in one coherent system of units.
-      hindrance: in place of `parameters.f_w`.
+      parameters: parameters, in the same coherent units as the box.
+      hindrance: function that gives f_w in place of `parameters.f_w`.
+      box: container.
       position: centres, (3, N).
-      spacing: of `local_volume_fraction`.
+      spacing: spacing of the levels of `local_volume_fraction`.
     """
     fraction = local_volume_fraction(parameters, box, position, spacing)
     return parameters.replace(f_w=hindrance(jnp.minimum(fraction, LARGEST_FRACTION)))
@@ -64,27 +65,29 @@ def hindered_parameters(
 def local_volume_fraction(
     parameters: Parameters, box: Box, position: Array, spacing: float
 ) -> Array:
-    """Volume fraction of coated particles at the height of each, over the width of the box; (N,).
+    """Returns the volume fraction of coated particles at each particle's height, (N,); 1.
 
-    Every particle is spread over levels by a cubic B-spline and reads from them by the same: twice
-    continuously differentiable, an average over some two spacings to either side. The floor
-    mirrors the suspension, so that a bed is as dense there as above; over its top is clear fluid.
-    Where particles rise it is the lid that mirrors, and the clear fluid is below.
+    A cubic B-spline distributes the volume of every particle over horizontal levels, and
+    interpolates from the levels to the particles. The result is twice continuously differentiable,
+    and an average over about two spacings to either side. The suspension is mirrored at the floor,
+    so that the volume fraction of a bed does not fall off there; above its top is clear fluid. If
+    the particles rise, the suspension is mirrored at the lid, and the clear fluid is below.
 
     Args:
-      parameters, box: in one coherent system of units.
+      parameters: parameters, in the same coherent units as the box.
+      box: container.
       position: centres, (3, N).
-      spacing: of the levels, about one particle diameter; fixes the number of levels.
+      spacing: spacing of the levels, about one particle diameter; it fixes their number.
     """
     levels = max(4, round(box.height / spacing))
     spacing = box.height / levels
     height = position[2] / spacing
     periodic = box.periodic[2]
-    # Two levels beyond either end, where nothing is periodic.
+    # Two levels beyond either end, unless the axis is periodic.
     beyond = 0 if periodic else 2
     nodes = levels + 1 + 2 * beyond
 
-    def reached(height: Array) -> tuple[Array, Array]:
+    def levels_and_weights(height: Array) -> tuple[Array, Array]:
         below = jnp.floor(lax.stop_gradient(height))
         level = below.astype(jnp.int32)[None, :] + jnp.arange(-1, 3, dtype=jnp.int32)[:, None]
         weight = jnp.stack(_cubic_b_spline(height - below))
@@ -94,18 +97,18 @@ def local_volume_fraction(
         return jnp.where(level < -beyond, nodes, level + beyond), weight
 
     volume = per_particle(4 / 3 * jnp.pi * particle.outer_radius(parameters) ** 3, height.shape[0])
-    share = volume / (box.size[0] * box.size[1] * spacing)
+    contribution = volume / (box.size[0] * box.size[1] * spacing)
     fraction = jnp.zeros(nodes, height.dtype)
     mirrored = jnp.where(particle.rises(parameters), 2.0 * levels - height, -height)
     for image in (height,) if periodic else (height, mirrored):
-        level, weight = reached(image)
-        fraction = fraction.at[level].add(weight * share[None, :], mode="drop")
-    level, weight = reached(height)
+        level, weight = levels_and_weights(image)
+        fraction = fraction.at[level].add(weight * contribution[None, :], mode="drop")
+    level, weight = levels_and_weights(height)
     return jnp.sum(weight * fraction[level], axis=0)
 
 
 def _cubic_b_spline(offset: Array) -> tuple[Array, Array, Array, Array]:
-    """Weights of the levels below and above a point, at -1, 0, 1 and 2 from the one below it."""
+    """Weights of the levels -1, 0, 1 and 2 above the level just below a point."""
     rest = 1.0 - offset
     return (
         rest**3 / 6.0,

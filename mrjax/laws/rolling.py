@@ -1,13 +1,13 @@
-"""Rolling resistance: an elastic-plastic spring and dashpot against rolling (Ai et al. 2011, C).
+"""Rolling resistance: an elastic-plastic spring and dashpot (Ai et al. 2011, model C).
 
 M_r = -k_r q - c_r q',    |M_r| <= mu_r R* F_n
 
-with q the angle by which one surface has rolled on the other since they met, as a vector in their
-tangent plane, k_r = 9/4 (4/3 E* sqrt(R* d)) (mu_r R*)^2 and c_r = 2 h_r sqrt(I_r k_r). It stands
-for what makes real particles unlike spheres. It conserves angular momentum: the torques on the two
-particles are opposite.
+q is the angle by which one surface has rolled on the other since the contact began, as a vector in
+the tangent plane; k_r = 9/4 (4/3 E* sqrt(R* d)) (mu_r R*)^2 and c_r = 2 h_r sqrt(I_r k_r). The law
+models particles that are not perfect spheres. It conserves angular momentum, because the torques on
+the two particles are opposite.
 
-All functions are elementwise: any shapes that broadcast.
+All functions are elementwise, for any shapes that broadcast.
 """
 
 import jax.numpy as jnp
@@ -18,12 +18,17 @@ from mrjax.laws import normal, vectors
 from mrjax.laws.vectors import Vector, plus, times
 
 
-def about_contact(moment: ArrayLike, mass: ArrayLike, radius: ArrayLike) -> Array:
-    """I + m R^2, inertia of a particle against rolling on a fixed one; kg m^2.
+def contact_inertia(moment: ArrayLike, mass: ArrayLike, radius: ArrayLike) -> Array:
+    """Moment of inertia I + m R^2 of a particle about its contact point; kg m^2.
 
-    Two that roll on each other have the harmonic combination of theirs, as for R* and m*.
+    For two particles that roll on each other, I_r is the harmonic combination of both values, like
+    R* and m*.
     """
     return moment + mass * radius**2
+
+
+about_contact = contact_inertia
+"""Its name of before."""
 
 
 def rolling_torque(
@@ -38,18 +43,18 @@ def rolling_torque(
     friction: ArrayLike,
     damping: ArrayLike = 0.0,
 ) -> tuple[Vector, Vector]:
-    """The torque against rolling, and the angle that the contact will remember.
+    """Returns the torque against rolling and the rolled angle for the contact history.
 
     Args:
-      roll: q, rad, in the tangent plane and with the rolling of the present step.
-      rate: q', spin relative to the partner's, without its part along the normal, rad/s.
-      overlap: d, m; negative where the surfaces are apart.
+      roll: q, rad, in the tangent plane, with the rolling of the current step.
+      rate: q', relative spin without its component along the normal, rad/s.
+      overlap: d, m; negative if the surfaces are apart.
       normal_force: F_n, N.
       modulus: E* of Eq. 5, Pa.
       radius: R* of Eq. 6, m.
-      inertia: I_r, `about_contact` combined for both, kg m^2; read only with the damping.
+      inertia: I_r, the harmonic combination of `contact_inertia`, kg m^2; used only by `damping`.
       friction: mu_r, coefficient of rolling friction.
-      damping: h_r, fraction of critical damping before the limit is reached.
+      damping: h_r, fraction of critical damping below the limit of the torque.
 
     Returns:
       The torque on the particle, N m, and the new q, rad.
@@ -59,7 +64,7 @@ def rolling_torque(
     hertz = 3.0 * modulus * jnp.sqrt(radius)  # 9/4 of 4/3
     spring = hertz * root * arm
     dashpot = 2.0 * damping * jnp.sqrt(inertia * hertz) * fourth_root
-    # As forces at the arm mu_r R*, which may be zero.
+    # Torques over the arm mu_r R*, which may be zero: forces with the limit F_n.
     roll = times(vectors.clip_factor(times(spring, roll), normal_force), roll)
-    borne = plus(times(spring, roll), dashpot, rate)
-    return times(-arm * vectors.clip_factor(borne, normal_force), borne), roll
+    force = plus(times(spring, roll), dashpot, rate)
+    return times(-arm * vectors.clip_factor(force, normal_force), force), roll

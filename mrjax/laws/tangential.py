@@ -2,15 +2,15 @@
 
 F_t = -8 G* sqrt(R* d) (s + B s') - c_t(e) s',    |F_t| <= mu F_n                   (Eq. 7)
 
-with overlap d, and s what one surface has been displaced along the other, in their common tangent
-plane, since they met. The paper prints s - B s', which would feed energy into every impact.
+with overlap d, and s the displacement of one surface along the other, in the tangent plane, since
+the contact began. The paper prints s - B s', which would add energy in every impact.
 
-What a contact remembers is s, not the force. Where the stiffness changes with the overlap, s keeps
-its value: this is Eq. 7 as written and what LIGGGHTS does, the force vanishes smoothly with the
-overlap, and a contact that closes on a stretched spring gains what it loses as it opens. Adding up
-forces instead (mindlin/force in LAMMPS) leaves a force without an overlap at the end.
+The contact history stores s, not the force. If the stiffness changes with the overlap, s keeps its
+value, as in Eq. 7 and in LIGGGHTS. The force then vanishes smoothly with the overlap, and a contact
+that closes on a stretched spring gains the energy that it loses as it opens. A history of forces
+(mindlin/force in LAMMPS) would leave a force at zero overlap.
 
-All functions are elementwise: any shapes that broadcast.
+All functions are elementwise, for any shapes that broadcast.
 """
 
 import jax.numpy as jnp
@@ -24,14 +24,17 @@ from mrjax.laws.vectors import Vector, plus, times
 def effective_shear_modulus(
     modulus_i: ArrayLike, poisson_i: ArrayLike, modulus_j: ArrayLike, poisson_j: ArrayLike
 ) -> Array:
-    """Eq. 8: 1/G* = (2 - nu_i)/G_i + (2 - nu_j)/G_j with G = E / 2(1 + nu); Pa."""
-    of_i = 2.0 * (2.0 - poisson_i) * (1.0 + poisson_i) / modulus_i
-    of_j = 2.0 * (2.0 - poisson_j) * (1.0 + poisson_j) / modulus_j
-    return 1.0 / (of_i + of_j)
+    """Effective shear modulus G* of Eq. 8; Pa.
+
+    1/G* = (2 - nu_i)/G_i + (2 - nu_j)/G_j with G = E / 2(1 + nu).
+    """
+    compliance_i = 2.0 * (2.0 - poisson_i) * (1.0 + poisson_i) / modulus_i
+    compliance_j = 2.0 * (2.0 - poisson_j) * (1.0 + poisson_j) / modulus_j
+    return 1.0 / (compliance_i + compliance_j)
 
 
 def stiffness(shear_modulus: ArrayLike, radius: ArrayLike, overlap: ArrayLike) -> Array:
-    """Mindlin's K_t = 8 G* sqrt(R* d); N/m."""
+    """Mindlin's tangential stiffness K_t = 8 G* sqrt(R* d); N/m."""
     return 8.0 * shear_modulus * jnp.sqrt(radius * overlap)
 
 
@@ -43,7 +46,7 @@ def damping_coefficient(
     dissipation: ArrayLike,
     damping: ArrayLike,
 ) -> Array:
-    """dF_t/ds' at an overlap: K_t B + z sqrt(10/3 m* K_t); N s/m."""
+    """Tangential damping coefficient dF_t/ds' = K_t B + z sqrt(10/3 m* K_t); N s/m."""
     spring = stiffness(shear_modulus, radius, overlap)
     return spring * dissipation + damping * jnp.sqrt(10 / 3 * mass * spring)
 
@@ -62,23 +65,24 @@ def tangential_force(
     damping: ArrayLike = 0.0,
     damped: bool = True,
 ) -> tuple[Vector, Vector]:
-    """Eq. 7 within Coulomb's limit, and the displacement that the contact will remember.
+    """Returns the force of Eq. 7 within Coulomb's limit, and the displacement for the history.
 
-    The spring yields along its own trial direction until it bears no more than mu F_n, and spring
-    and dashpot together bear no more than that either: force and memory are continuous where
-    sticking turns into sliding. A contact that bears nothing remembers nothing.
+    The spring force is clipped to mu F_n, in its own direction; then the sum of spring and dashpot
+    is clipped to mu F_n, too. Force and displacement are therefore continuous at the transition
+    from sticking to sliding. The displacement is zero if F_n is zero.
 
     Args:
-      stretch: s, m, in the tangent plane and with the displacement of the present step.
+      stretch: s, m, in the tangent plane, with the displacement of the current step.
       slip: s', velocity of the surface along its partner's, m/s.
-      overlap: d, m; negative where the surfaces are apart.
-      normal_force: F_n, N, dissipation included.
+      overlap: d, m; negative if the surfaces are apart.
+      normal_force: F_n, N, with its dissipation.
       shear_modulus: G* of Eq. 8, Pa.
-      radius, mass: R* in m and m* in kg of the pair.
+      radius: R* of the pair, m.
+      mass: m* of the pair, kg.
       friction: mu, Coulomb's coefficient.
       dissipation: B of Eq. 7, s.
       damping: z of `normal.damping_ratio`; c_t = z sqrt(10/3 m* K_t), as in the normal direction.
-      damped: False where both are zero: a shorter program.
+      damped: False if `dissipation` and `damping` are zero; the compiled program is then shorter.
 
     Returns:
       The force on the particle, N, and the new s, m.
@@ -91,7 +95,7 @@ def tangential_force(
     if not damped:
         return times(-spring, stretch), stretch
     dashpot = spring * dissipation + damping * jnp.sqrt(10 / 3 * mass * mindlin) * fourth_root
-    # Where nothing is borne the direction still matters, to the derivative with respect to mu.
-    held = tuple(jnp.where(limit > 0.0, s, t) for s, t in zip(stretch, trial, strict=True))
-    borne = plus(times(spring, held), dashpot, slip)
-    return times(-vectors.clip_factor(borne, limit), borne), stretch
+    # With a limit of zero the force vanishes, but the derivative by mu needs its trial direction.
+    nonzero = tuple(jnp.where(limit > 0.0, s, t) for s, t in zip(stretch, trial, strict=True))
+    force = plus(times(spring, nonzero), dashpot, slip)
+    return times(-vectors.clip_factor(force, limit), force), stretch

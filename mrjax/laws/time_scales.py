@@ -1,6 +1,6 @@
 """Time scales and stable steps (Son 2018, section 2.5; stability of the exponential leapfrog).
 
-Every function takes `Parameters` and works in any coherent unit; times are in s for SI.
+The functions take `Parameters` in any coherent system of units; with SI, times are in s.
 """
 
 from collections.abc import Callable
@@ -15,28 +15,29 @@ from mrjax.core.parameters import Parameters
 from mrjax.laws import drag, normal, particle, tangential
 
 REFINEMENT = 20.0
-"""h_t of Eq. 29. The paper's cases 2 and 3 come to 20.6 and 16.3."""
+"""h_t of Eq. 29. The steps of the paper's cases 2 and 3 give 20.6 and 16.3."""
 
 
 class Mode(NamedTuple):
-    """omega^2 m of a way in which touching spheres swing, for a stiffness of one contact."""
+    """A mode of vibration of touching spheres: omega^2 m over the stiffness of one contact."""
 
     normal: float  # factor of K_n
-    tangential: float  # factor of K_t, where spheres spin against their inertia, 0.4 m R^2
-    overdamped: float  # factor of K_t, where they spin against drag, 4/3 of gamma R^2
+    tangential: float  # factor of K_t; the spheres' moment of inertia is 0.4 m R^2
+    overdamped: float  # factor of K_t without inertia; rotational drag is 4/3 of gamma R^2
 
 
 CLOSE_PACKED = (Mode(8.0, 8.0, 8.0), Mode(0.0, 40.0, 12.0))
-"""The fastest of the face-centred cubic lattice: planes that move apart, and equal spins."""
+"""The fastest modes of the face-centred cubic lattice: planes moving apart, and equal spins."""
 
 TOUCHING_PAIR = (Mode(2.0, 0.0, 0.0), Mode(0.0, 7.0, 3.5))
-"""Two spheres that bounce, and two that slide."""
+"""The modes of two spheres: normal vibration, and sliding."""
 
 
 def rayleigh_time(parameters: Parameters) -> Array:
-    """Eq. 26: t_c = pi R / (0.1631 nu + 0.8766) sqrt(rho / G), least over the particles; s, ().
+    """Rayleigh time t_c = pi R / (0.1631 nu + 0.8766) sqrt(rho / G) (Eq. 26); s, ().
 
-    R and rho are those of the coated particle, G = E / 2(1 + nu) that of its surface.
+    It is the least over the particles. R and rho are those of the coated particle, and
+    G = E / 2(1 + nu) is that of its surface.
     """
     shear_modulus = parameters.elastic_modulus / (2.0 * (1.0 + parameters.poisson_ratio))
     slowness = jnp.sqrt(particle.apparent_density(parameters) / shear_modulus)
@@ -45,28 +46,30 @@ def rayleigh_time(parameters: Parameters) -> Array:
 
 
 def relaxation_time(parameters: Parameters) -> Array:
-    """1/alpha of Eqs. 13 and 27: (m + m_a) / gamma; s, () or (N,). Infinite without drag.
+    """Relaxation time 1/alpha = (m + m_a) / gamma of Eqs. 13 and 27; s, () or (N,).
 
-    The paper prints alpha without the added mass of Eq. 12 and, for coated particles, with the
-    density of the coating; the inertia is that of the coated particle with its added mass.
+    It is infinite without drag. The paper prints alpha without the added mass of Eq. 12 and, for
+    coated particles, with the density of the coating. Here the inertia is that of the coated
+    particle with its added mass.
     """
     return jnp.divide(particle.inertia(parameters), drag.coefficient(parameters))
 
 
 def rise_time(parameters: Parameters) -> Array:
-    """Eq. 28: t_r = ln(100)/alpha, least over the particles; s, (). Infinite without drag.
+    """Rise time t_r = ln(100)/alpha to 99 % of the terminal velocity (Eq. 28); s, ().
 
-    The paper prints (1/alpha) ln[1 - 0.99 alpha/beta]^-1; 99 % of the final velocity is reached
-    when exp(-alpha t) = 0.01.
+    It is the least over the particles, and infinite without drag. The paper prints
+    (1/alpha) ln[1 - 0.99 alpha/beta]^-1; 99 % of the terminal velocity is reached when
+    exp(-alpha t) = 0.01.
     """
     return jnp.log(100.0) * jnp.min(relaxation_time(parameters))
 
 
 def time_step(parameters: Parameters, refinement: ArrayLike = REFINEMENT) -> Array:
-    """Eq. 29: MIN(t_c, t_r) / h_t, which resolves every contact and the rise; s, ().
+    """Time step MIN(t_c, t_r) / h_t of Eq. 29, which resolves contacts and the rise; s, ().
 
     Args:
-      parameters: of particles, fluid and contact.
+      parameters: particles, fluid and contact.
       refinement: h_t, the time refinement factor; 1.
 
     Example:
@@ -74,18 +77,19 @@ def time_step(parameters: Parameters, refinement: ArrayLike = REFINEMENT) -> Arr
       1e-10 s
 
     Raises:
-      InputError: parameters that are something else.
+      InputError: `parameters` is no `Parameters`.
     """
     checks.require_class(Parameters, parameters=parameters)
     return jnp.minimum(rayleigh_time(parameters), rise_time(parameters)) / refinement
 
 
 def expected_overlap(parameters: Parameters, load: ArrayLike, speed: ArrayLike) -> Array:
-    """Deepest overlap under a resting load, or from an impact if that is deeper; m, ().
+    """Largest overlap under a static load or in an impact; m, ().
 
     Args:
+      parameters: particles and contact.
       load: force on one contact, at least 0, N.
-      speed: of approach, m/s.
+      speed: speed of approach, m/s.
     """
     modulus, _, radius, mass = _pair(parameters)
     resting = (3.0 * load / (4.0 * modulus * jnp.sqrt(radius))) ** (2 / 3)
@@ -96,45 +100,55 @@ def expected_overlap(parameters: Parameters, load: ArrayLike, speed: ArrayLike) 
 def largest_stable_step(
     parameters: Parameters, overlap: ArrayLike, arrangement: tuple[Mode, ...] = CLOSE_PACKED
 ) -> Array:
-    """Largest step at which contacts of this overlap stay stable, at any drag; s, ().
+    """Largest step at which contacts with this overlap are stable, at any drag; s, ().
 
-    A particle of mass m and drag coefficient gamma on a spring K with a dashpot c, whose force is
-    taken from the velocity before the step, is stable while
+    A particle of mass m and drag coefficient gamma on a spring K with a dashpot c, whose force
+    takes the velocity before the step, is stable while
 
         tanh(alpha dt / 2) (dt K + 2 c) / gamma < 2.
 
-    The larger of (sqrt(c^2 + 4 m K) - c) / K, which is the leapfrog's limit without drag, and
-    2 (gamma - c) / K, overdamped Euler's with much, satisfies it. K and c are those of one
-    contact, normal and, with friction, tangential, weighted by the modes of the `arrangement`:
-    particles that touch move and spin against each other. Rolling resistance is softer than
-    friction and needs no limit of its own. Infinite where nothing overlaps.
+    Two steps satisfy it, and the larger one is returned: (sqrt(c^2 + 4 m K) - c) / K, the limit of
+    the leapfrog without drag, and 2 (gamma - c) / K, the limit of Euler's method with much drag. K
+    and c are those of one contact, normal and, with friction, tangential, weighted by the modes of
+    the `arrangement`, in which touching particles move and spin against each other. Rolling
+    resistance is softer than friction and needs no limit of its own. The step is infinite at zero
+    overlap.
+
+    Args:
+      parameters: particles, fluid and contact.
+      overlap: overlap of a contact, m.
+      arrangement: modes of vibration of the touching particles.
     """
     modulus, shear_modulus, radius, mass = _pair(parameters)
-    in_normal = normal.stiffness(modulus, radius, overlap)
-    grips = jnp.any(_of_particles(parameters.friction) > 0.0)
-    in_plane = jnp.where(grips, tangential.stiffness(shear_modulus, radius, overlap), 0.0)
-    impact, shear = _dashpots(parameters, overlap)
-    shear = jnp.where(grips, shear, 0.0)
+    stiffness_n = normal.stiffness(modulus, radius, overlap)
+    frictional = jnp.any(_without_walls(parameters.friction) > 0.0)
+    stiffness_t = jnp.where(frictional, tangential.stiffness(shear_modulus, radius, overlap), 0.0)
+    dashpot_n, dashpot_t = _dashpots(parameters, overlap)
+    dashpot_t = jnp.where(frictional, dashpot_t, 0.0)
 
     def limit(mode: Mode) -> Array:
-        spring = mode.normal * in_normal + mode.tangential * in_plane
-        dashpot = mode.normal * impact + mode.tangential * shear
-        swings = spring > 0.0
-        spring = jnp.where(swings, spring, 1.0)
+        spring = mode.normal * stiffness_n + mode.tangential * stiffness_t
+        dashpot = mode.normal * dashpot_n + mode.tangential * dashpot_t
+        vibrates = spring > 0.0
+        spring = jnp.where(vibrates, spring, 1.0)
         inertial = (jnp.sqrt(dashpot**2 + 4.0 * mass * spring) - dashpot) / spring
-        spring = mode.normal * in_normal + mode.overdamped * in_plane
-        dashpot = mode.normal * impact + mode.overdamped * shear
-        spring = jnp.where(swings, spring, 1.0)
+        spring = mode.normal * stiffness_n + mode.overdamped * stiffness_t
+        dashpot = mode.normal * dashpot_n + mode.overdamped * dashpot_t
+        spring = jnp.where(vibrates, spring, 1.0)
         overdamped = 2.0 * (drag.coefficient(parameters) - dashpot) / spring
-        return jnp.min(jnp.where(swings, jnp.maximum(inertial, overdamped), jnp.inf))
+        return jnp.min(jnp.where(vibrates, jnp.maximum(inertial, overdamped), jnp.inf))
 
     return jnp.min(jnp.stack([limit(mode) for mode in arrangement]))
 
 
 def dashpots(parameters: Parameters, overlap: ArrayLike) -> Array:
-    """The larger dashpot of a contact, normal or tangential, at an overlap in m; N s/m.
+    """Largest damping coefficient of a contact, normal or tangential; N s/m, () or (N,).
 
-    An upper bound over all that a particle may touch, () or (N,).
+    It is an upper bound over all particles and walls that a particle may touch.
+
+    Args:
+      parameters: particles and contact.
+      overlap: overlap of the contact, m.
     """
     return jnp.maximum(*_dashpots(parameters, overlap))
 
@@ -142,16 +156,17 @@ def dashpots(parameters: Parameters, overlap: ArrayLike) -> Array:
 def _dashpots(parameters: Parameters, overlap: ArrayLike) -> tuple[Array, Array]:
     modulus, shear_modulus, radius, mass = _pair(parameters)
     damping = normal.damping_ratio(parameters.restitution)
-    of_contact = (radius, mass, overlap)
-    impact = (normal.damping_coefficient, modulus, *of_contact, parameters.dissipation, damping)
-    shear = (
-        tangential.damping_coefficient,
-        shear_modulus,
-        *of_contact,
-        parameters.tangential_dissipation,
-        damping,
+    contact = (radius, mass, overlap)
+    return (
+        _largest(normal.damping_coefficient, modulus, *contact, parameters.dissipation, damping),
+        _largest(
+            tangential.damping_coefficient,
+            shear_modulus,
+            *contact,
+            parameters.tangential_dissipation,
+            damping,
+        ),
     )
-    return _largest(*impact), _largest(*shear)
 
 
 def _largest(
@@ -163,24 +178,24 @@ def _largest(
     dissipation: Array,
     damping: Array,
 ) -> Array:
-    """The largest dashpot of every particle, () or (N,), over a table of pairs."""
+    """Largest damping coefficient of each particle, () or (N,), over a table of pairs."""
     shape = jnp.broadcast_shapes(*map(jnp.shape, (modulus, radius, mass)))
-    of_particle = (jnp.reshape(leaf, (-1, 1)) for leaf in (modulus, radius, mass))
-    of_pairs = (jnp.reshape(_of_particles(leaf), (1, -1)) for leaf in (dissipation, damping))
-    return jnp.max(law(*of_particle, overlap, *of_pairs), axis=-1).reshape(shape)
+    columns = (jnp.reshape(leaf, (-1, 1)) for leaf in (modulus, radius, mass))
+    rows = (jnp.reshape(_without_walls(leaf), (1, -1)) for leaf in (dissipation, damping))
+    return jnp.max(law(*columns, overlap, *rows), axis=-1).reshape(shape)
 
 
-def _of_particles(table: Array) -> Array:
-    """A number, or the rows of a table that hold a particle: walls do not meet walls."""
+def _without_walls(table: Array) -> Array:
+    """A number, or a table without the row of the walls, which do not touch each other."""
     return table if jnp.ndim(table) == 0 else table[:-1]
 
 
 def _pair(parameters: Parameters) -> tuple[Array, Array, Array, Array]:
-    """Upper bounds on E*, G*, R* and m* of any contact: with a like particle or with the wall."""
-    of_surface = (parameters.elastic_modulus, parameters.poisson_ratio)
-    of_wall = (parameters.wall_elastic_modulus, parameters.wall_poisson_ratio)
+    """Upper bounds of E*, G*, R* and m* over contacts with a like particle and with a wall."""
+    surface = (parameters.elastic_modulus, parameters.poisson_ratio)
+    wall = (parameters.wall_elastic_modulus, parameters.wall_poisson_ratio)
     elastic, shear = (
-        jnp.maximum(law(*of_surface, *of_surface), law(*of_surface, *of_wall))
+        jnp.maximum(law(*surface, *surface), law(*surface, *wall))
         for law in (normal.effective_modulus, tangential.effective_shear_modulus)
     )
     return (elastic, shear, particle.outer_radius(parameters), particle.inertia(parameters))

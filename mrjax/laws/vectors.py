@@ -1,4 +1,4 @@
-"""Vectors kept apart by component, x, y and z of one shape each: the layout of the kernel."""
+"""Vectors as three component arrays, x, y and z, which is the layout of the kernel."""
 
 from collections.abc import Sequence
 
@@ -6,16 +6,16 @@ import jax.numpy as jnp
 from jax import Array, lax
 
 Vector = Sequence[Array] | Array
-"""Three components, or an array of them."""
+"""Three components, or an array with them along its first axis."""
 
 
 def dot(a: Vector, b: Vector) -> Array:
-    """Scalar product."""
+    """Scalar product of two vectors."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def cross(a: Vector, b: Vector) -> Vector:
-    """Vector product."""
+    """Vector product of two vectors."""
     return (
         a[1] * b[2] - a[2] * b[1],
         a[2] * b[0] - a[0] * b[2],
@@ -34,18 +34,18 @@ def times(factor: Array | float, a: Vector) -> Vector:
 
 
 def clip_factor(vector: Vector, longest: Array) -> Array:
-    """The factor, 0 to 1, that shortens a vector to a length; 0 where nothing is allowed.
+    """Factor, 0 to 1, that shortens a vector to at most a length; 0 if that length is zero.
 
-    Its derivatives are finite. A common scale does not change it, and keeps squares in the range of
-    single precision.
+    Its derivatives are finite. Vector and length are scaled alike, which does not change the factor
+    and keeps their squares in the range of single precision.
     """
     size = jnp.abs(vector[0]) + jnp.abs(vector[1]) + jnp.abs(vector[2]) + longest
     scale = 1.0 / lax.stop_gradient(jnp.where(size > 0.0, size, 1.0))
     vector, limit = times(scale, vector), scale * longest
     square = dot(vector, vector)
     longer = square > limit**2
-    # Not where(longer, square, 1): a compiler may round this comparison differently in each place
-    # that it copies it to, and a vector just shortened has exactly the limit's length.
+    # where(longer, square, 1) would fail: a compiler may copy the comparison and round each copy
+    # differently, and a vector that was just shortened has exactly the length of the limit.
     safe = jnp.where(size > 0.0, jnp.maximum(square, limit**2), 1.0)
     shortened = limit / jnp.sqrt(safe)
     return jnp.where(longer, shortened, jnp.where(longest > 0.0, 1.0, 0.0))

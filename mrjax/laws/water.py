@@ -1,7 +1,8 @@
 """Density and viscosity of water at 1 atm, from 0 to 100 degrees Celsius.
 
-Kell (1975), J. Chem. Eng. Data 20, 97, for the density; IAPWS SR6-08(2011), revised supplementary
-release on liquid water at 0.1 MPa, for the viscosity. Elementwise, and differentiable.
+The density is that of Kell (1975), J. Chem. Eng. Data 20, 97; the viscosity that of IAPWS
+SR6-08(2011), revised supplementary release on liquid water at 0.1 MPa. Both functions are
+elementwise and differentiable.
 """
 
 from typing import TypeVar
@@ -12,7 +13,7 @@ NumberT = TypeVar("NumberT", float, Array)
 """A plain number of a lab sheet, or an array."""
 
 FREEZING, BOILING = 273.15, 373.15
-"""Temperatures between which both correlations hold, K."""
+"""Temperatures between which both correlations are valid, K."""
 
 _DENSITY = (999.83952, 16.945176, -7.9870401e-3, -46.170461e-6, 105.56302e-9, -280.54253e-12)
 """Coefficients of Kell's numerator, by powers of the temperature in degrees Celsius."""
@@ -23,12 +24,12 @@ _VISCOSITY = ((280.68, -1.9), (511.45, -7.7), (61.131, -19.6), (0.45903, -40.0))
 
 
 def density(temperature: NumberT) -> NumberT:
-    """Kell's rational function, rho(t) = sum a_k t^k / (1 + b t), t in degrees Celsius; kg/m^3.
+    """Density of water, Kell's rho(t) = sum a_k t^k / (1 + b t), t in degrees Celsius; kg/m^3.
 
-    Within 0.01 kg/m^3 of IAPWS-95 from 0 to 50 degrees, 0.02 kg/m^3 to 100.
+    It is within 0.01 kg/m^3 of IAPWS-95 from 0 to 50 degrees, and within 0.02 kg/m^3 up to 100.
 
     Args:
-      temperature: K.
+      temperature: temperature, K.
 
     Example:
       >>> print(f"{mrjax.laws.water.density(293.15):.2f} kg/m^3")
@@ -42,10 +43,12 @@ def density(temperature: NumberT) -> NumberT:
 
 
 def viscosity(temperature: NumberT) -> NumberT:
-    """mu(T) = sum a_k (T / 300 K)^b_k; Pa s. Within 1 % of measurements, as the release says.
+    """Viscosity of water, mu(T) = sum a_k (T / 300 K)^b_k; Pa s.
+
+    It is within 1 % of measurements, according to the release.
 
     Args:
-      temperature: K.
+      temperature: temperature, K.
 
     Example:
       >>> print(f"{1e3 * mrjax.laws.water.viscosity(293.15):.4f} mPa s")

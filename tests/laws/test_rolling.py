@@ -58,8 +58,8 @@ def resist(roll, rate, overlap=OVERLAP, normal_force=10.0, **changes):
 
 
 def test_inertia_about_the_contact():
-    assert rolling.about_contact(0.4, 1.0, 1.0) == near(1.4)
-    assert rolling.about_contact(3.0, 2.0, 5.0) == near(53.0)
+    assert rolling.contact_inertia(0.4, 1.0, 1.0) == near(1.4)
+    assert rolling.contact_inertia(3.0, 2.0, 5.0) == near(53.0)
 
 
 def test_a_spring_with_a_dashpot():

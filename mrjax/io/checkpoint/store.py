@@ -19,7 +19,7 @@ from mrjax.core.errors import InputError
 from mrjax.io import files, npz
 from mrjax.io.checkpoint.folder import clear, clear_scratch, holds_anything, tag
 from mrjax.io.checkpoint.marker import FORM, KIND, Marker, existing_marker, write_marker
-from mrjax.io.checkpoint.work import work_digest, sha256
+from mrjax.io.checkpoint.work import sha256, work_digest
 from mrjax.io.markers import Strict
 from mrjax.io.npz import DamagedError
 
