@@ -25,7 +25,6 @@ PAGES = [
 ]
 MARKS = {"slow", "not run", "parsed", "file"}
 MARK = re.compile(r"<!--\s*([a-z ]+?)\s*(?::\s*(.*?)\s*)?-->")
-PRINTED = re.compile(r"It prints `([^`]+)`")
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,7 @@ class Block:
     marks: dict[str, str] = field(default_factory=dict)
     """What the comments directly above say: a mark and what follows its colon."""
     output: str | None = None
-    """The block of text directly below it, or what the paragraph there says that it prints."""
+    """The block of text directly below it."""
 
     @property
     def place(self) -> str:
@@ -79,6 +78,4 @@ def _marks(before: list[Token]) -> dict[str, str]:
 def _output(after: list[Token]) -> str | None:
     if after and after[0].type == "fence" and after[0].info.strip() == "text":
         return after[0].content
-    if len(after) > 1 and after[1].type == "inline" and (match := PRINTED.match(after[1].content)):
-        return match[1]
     return None

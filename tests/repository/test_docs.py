@@ -6,7 +6,6 @@ import re
 from pathlib import Path
 from types import ModuleType
 
-import jax
 import pytest
 
 import calibrate
@@ -127,11 +126,3 @@ def test_arguments_are_all_described_or_the_summary_does(function):
     if names[-1] == "options" and "`RunOptions`" in doc:  # which has them in its own docstring
         names[-1:] = described(inspect.getdoc(mrjax.RunOptions))
     assert names == arguments
-
-
-def test_the_start_page_runs():
-    [block] = re.findall(r"```python\n(.*?)```", (DOCS / "index.md").read_text("utf-8"), re.S)
-    names = {}
-    with jax.numpy_rank_promotion("allow"), jax.numpy_dtype_promotion("standard"):
-        exec(block, names)
-    assert float(names["velocity"]) * 86400e3 == pytest.approx(9.11637, rel=1e-5)

@@ -33,7 +33,7 @@ from tests.builders.pages import Block
 
 RUN = ("python", "sh")
 READ = ("toml", "csv", "json")
-SHOWN = ("text", "")
+SHOWN = ("text",)
 OURS = {
     "mrjax": mrjax.__main__.cli,
     "mrjax-calibrate": calibrate.__main__.cli,
