@@ -32,12 +32,7 @@ OF_SHEET: dict[str, tuple[type[Sheet], str]] = {
     "f_r": (Coating, "radius_factor"),
     "wall_elastic_modulus": (Particle, "elastic_modulus"),
     "wall_poisson_ratio": (Particle, "poisson_ratio"),
-    "friction": (Contact, "friction"),
-    "restitution": (Contact, "restitution"),
-    "dissipation": (Contact, "dissipation"),
-    "tangential_dissipation": (Contact, "tangential_dissipation"),
-    "rolling_friction": (Contact, "rolling_friction"),
-    "rolling_damping": (Contact, "rolling_damping"),
+    **{key: (Contact, key) for key in Contact.model_fields},
     "added_mass": (Drag, "added_mass"),
     "gravity": (Recipe, "gravity"),
 }

@@ -95,7 +95,8 @@ class Recipe(Suspension):
         elastic_modulus, poisson_ratio = (_or(getattr(surface, key), np.nan) for key in MODULI)
         diameter, touch = self.particle.diameter, self.contact
 
-        def table(between: float, at_wall: float | None) -> float | np.ndarray:
+        def of_surfaces(name: str) -> float | np.ndarray:
+            between, at_wall = getattr(touch, name), getattr(wall, name, None)
             if at_wall is None or at_wall == between:
                 return between
             return np.array([[between, at_wall], [at_wall, at_wall]])
@@ -109,12 +110,8 @@ class Recipe(Suspension):
             poisson_ratio=poisson_ratio,
             wall_elastic_modulus=_or(wall.elastic_modulus, elastic_modulus),
             wall_poisson_ratio=_or(wall.poisson_ratio, poisson_ratio),
-            friction=table(touch.friction, wall.friction),
-            restitution=table(touch.restitution, wall.restitution),
-            dissipation=touch.dissipation,
-            tangential_dissipation=touch.tangential_dissipation,
-            rolling_friction=table(touch.rolling_friction, wall.rolling_friction),
-            rolling_damping=touch.rolling_damping,
+            # Every key of [contact] is a leaf.
+            **{name: of_surfaces(name) for name in vars(touch)},
             gravity=self.gravity,
             added_mass=self.drag.added_mass,
             # Without a coating the layer that f_r would add is one of fluid.
