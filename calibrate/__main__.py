@@ -144,7 +144,7 @@ def cli(
     if not quiet and not as_json:
         for name, file in loaded.data_as_understood.items():
             echo(f"Sample {name}: {file.line}")
-    _warn(loaded.warnings)  # before the work that it may save
+    _warn(loaded.warnings)  # first, since they may make the work unnecessary
     _refuse_options(model, begin_with, predict, like)
     run_options = Options(model, begin_with, starts, seed, robust, posterior, leave_one_out)
     run_options.refuse(loaded)

@@ -258,13 +258,13 @@ def run(
     if checkpoint is not None:
         folders = {name: Path(checkpoint) / name for name in CHECKPOINTS}
     try:
-        problem, fit = _fitted(experiment, options, progress, folders["fit"])
+        problem, fit = _fit(experiment, options, progress, folders["fit"])
     except ValueError as error:
         raise InputError(str(error)) from None
     if not np.isfinite(fit.jacobian).all() or not np.isfinite(fit.values).all():
         raise SimulationError(
-            f"the fit ended in {fit.model_runs} model runs where nothing can be predicted; "
-            "give medians from which something can, or more --starts"
+            f"after {fit.model_runs} model runs the fit ended where nothing can be predicted; give "
+            "other medians, or more --starts"
         )
     # Outside the compiled fit a simulation checks itself and raises if not to be trusted.
     predictions = np.asarray(problem.predict(fit.theta))
@@ -287,7 +287,7 @@ def run(
     return replace(calibration, wall_seconds=time.perf_counter() - began)
 
 
-def _fitted(
+def _fit(
     experiment: Experiment, options: Options, progress: bool, folder: Path | None
 ) -> tuple[Problem, Fit]:
     """Fits an experiment or a simulator; gives the fitted problem, and the fit."""
@@ -306,7 +306,7 @@ def _with_samples_and_forecasts(
     faults: list[Exception] = []
     results: dict[str, Any] = {}
     if options.posterior and fit.converged:
-        with _collected(faults):
+        with _collect_errors(faults):
             results["posterior"] = sample_posterior(
                 fit,
                 options.seed,
@@ -320,10 +320,10 @@ def _with_samples_and_forecasts(
                 ],
             )
     if options.leave_one_out:
-        with _collected(faults):
+        with _collect_errors(faults):
             results["left_out"] = tuple(
                 forecast.leave_one_out(
-                    calibration.problem.experiment,  # with errors, where these are estimated
+                    calibration.problem.experiment,  # with estimated errors
                     options.model,
                     **options.fit_options,
                     checkpoint=folders["left-out"],
@@ -332,7 +332,7 @@ def _with_samples_and_forecasts(
             )
     if options.predict is not None and fit.converged:
         wider, sample = forecast.sample_like(experiment, options.predict, options.like or "")
-        with _collected(faults):
+        with _collect_errors(faults):
             results["new"] = tuple(
                 forecast.forecast(
                     wider, fit, sample, options.model, options.seed, folders["forecast"]
@@ -342,8 +342,8 @@ def _with_samples_and_forecasts(
 
 
 @contextmanager
-def _collected(faults: list[Exception]) -> Iterator[None]:
-    """Collects the errors of the work within as faults."""
+def _collect_errors(faults: list[Exception]) -> Iterator[None]:
+    """A context that collects the errors of the enclosed work as faults."""
     try:
         yield
     except (InputError, SimulationError) as error:

@@ -30,7 +30,7 @@ def refuse_parameters(sheet: ExperimentSheet, samples: tuple[Sample, ...], sourc
 
 
 def _refuse_twice(name: str, sample: Sample, names: list[str]) -> None:
-    """Refuses a quantity that another name, or the sample itself, gives as well."""
+    """Refuses a quantity that another parameter, or the sample itself, sets as well."""
     if name == "f_w" and (clash := sorted(other for other in names if other.startswith(CLOSURE))):
         raise InputError(f"f_w follows from {clash[0]}; fit one of the two")
     if name == "f_w" and sample.velocities is not None:

@@ -1,4 +1,4 @@
-"""A measured sedimentation curve: a file of times against mudline or sedimentation ratio.
+"""A measured sedimentation curve, from a file of times with mudlines or sedimentation ratios.
 
     time (h),mudline (mm)
     0,100
@@ -30,14 +30,14 @@ ERROR = "standard_deviation"
 
 
 class Curve(NamedTuple):
-    """A measured curve; T readings in the order of their times, of which some may be equal."""
+    """A measured curve: T readings in the order of their times; several may have the same time."""
 
     observable: str
     """`mudline` or `sedimentation_ratio`."""
     times: list[float]
-    """(T,) in s."""
+    """Times, s, (T,)."""
     values: list[float]
-    """(T,) in `unit`."""
+    """Readings, (T,) in `unit`."""
     errors: list[float]
     """Standard deviations, (T,) in `unit`."""
     unit: str
@@ -48,7 +48,7 @@ class Curve(NamedTuple):
     understood: Understood
     """Record of how the file was read."""
     scatter: Scatter | None
-    """Scatter to begin with, or that of repeats; None where errors are stated."""
+    """First guess of the scatter, or that of repeats; None if errors are stated."""
 
 
 def read(
@@ -57,16 +57,18 @@ def read(
     height: float | None = None,
     tube_diameter: float | None = None,
 ) -> Curve:
-    """The curve of a sheet, every number checked.
+    """Reads a curve, and checks every number.
 
     Args:
-      sheet: the file, and what is stated of it.
-      folder: that of the experiment file, from which paths are.
-      height: of the suspension in m, which a clear layer needs, and readings without an error.
-      tube_diameter: inner diameter in m, which volumes need.
+      sheet: the file and its settings.
+      folder: folder of the experiment file, to which paths are relative.
+      height: height of the suspension, m; needed for a clear layer, and for readings without
+      errors.
+      tube_diameter: inner diameter of the tube, m; needed for volumes.
 
     Raises:
-      InputError: the file, its header or a row cannot be used: the file, the line and the remedy.
+      InputError: the file, its header or a row cannot be used; the message has the line and the
+        remedy.
     """
     table = only_table(
         rows.tables(sheet, folder),
@@ -118,7 +120,7 @@ def read(
 def _with_errors(
     readings: Values, times_read: Times, height: float | None, table: Table
 ) -> tuple[Values, Scatter | None]:
-    """Readings with errors, and the scatter that these are of; None where they are stated."""
+    """Readings with errors, and the scatter that gives these; None if they are stated."""
     if not any(map(math.isnan, readings.errors)):
         return readings, None
     full_height = 1.0 if readings.observable == "sedimentation_ratio" else height or 0.0

@@ -26,27 +26,27 @@ class Experiment:
     """Samples, and the parameters that are fitted to them."""
 
     name: str
-    """As its file has it."""
+    """Name, as in its file."""
     samples: tuple[Sample, ...]
     """Samples that were measured."""
     parameters: tuple[FreeParameter, ...]
     """Free parameters, in the order of the values of a fit."""
     held: tuple[tuple[str, str, float], ...] = ()
-    """Sample, name and value of what the experiment holds at another value than the recipe."""
+    """Sample, name and value of each quantity that is held at another value than in the recipe."""
     warnings: tuple[str, ...] = ()
-    """Warnings of odd readings, which may be right all the same."""
+    """Warnings about odd readings, which may still be right."""
 
     @classmethod
     def load(cls, source: str | Path) -> "Experiment":
-        """A bundled experiment by name (`fang2005`) or a TOML file by path.
+        """Loads a bundled experiment by name (`fang2005`), or a TOML file by path.
 
         Raises:
-          InputError: the file, a value in it, a recipe or a curve it names cannot be used, or
-            readings that cannot be true of their tube.
+          InputError: the file, a value in it, a recipe or a curve cannot be used, or readings are
+            impossible in their tube.
 
         Example:
           >>> experiment = calibrate.Experiment.load("fang2005")
-          >>> [one.label for one in experiment.parameters]
+          >>> [parameter.label for parameter in experiment.parameters]
           ['f_w', 'f_s', 'f_v', 'bed_fraction[A]', 'bed_fraction[B]']
         """
         table, path = sheets.read(source, "calibrate.experiment.bundled", "experiment")
@@ -89,7 +89,7 @@ class Experiment:
     def data_as_understood(self) -> dict[str, FileUnderstood]:
         """Records of how files were read, by sample.
 
-        Those of sample A's tables are `A, velocities` and, for instance,
+        The tables of sample A have keys such as `A, velocities` and
         `A, concentration at height 0.05 m`.
         """
         files: dict[str, FileUnderstood] = {}
@@ -104,7 +104,7 @@ class Experiment:
 
     @property
     def errors(self) -> str:
-        """`stated`, or `estimated` where those of any file are."""
+        """`stated`, or `estimated` if the errors of any file are."""
         all_stated = all(file.errors == "stated" for file in self.data_as_understood.values())
         return "stated" if all_stated else "estimated"
 
@@ -118,27 +118,27 @@ class Experiment:
 
     @property
     def medians(self) -> OrderedDict[str, float]:
-        """The middle of what is believed, by variable."""
+        """Medians of the priors, by variable."""
         return OrderedDict((parameter.variable, parameter.middle) for parameter in self.parameters)
 
     def by_sample(self) -> Iterator[tuple[Sample, slice]]:
-        """Each sample, with the places of its measurements among those of all."""
+        """Each sample, with the slice of its measurements among all of them."""
         first = 0
         for sample in self.samples:
             yield sample, slice(first, first + len(sample.measurements))
             first += len(sample.measurements)
 
     def varied(self, sample: Sample) -> tuple[str, ...]:
-        """Names of what is fitted of a sample."""
+        """Names of the fitted quantities of a sample."""
         return tuple(
             parameter.name for parameter in self.parameters if sample.name in parameter.samples
         )
 
     def suspension_of(self, sample: Sample, theta: Mapping[str, ArrayLike]) -> Suspension:
-        """The sample with the held and the fitted values in their places.
+        """The suspension of a sample, with the held and the fitted values.
 
         Args:
-          sample: one of the experiment's, or like one of them.
+          sample: a sample of the experiment, or one that shares its parameters.
           theta: the fitted values, by variable.
         """
         held = {quantity: value for name, quantity, value in self.held if name == sample.name}

@@ -1,7 +1,7 @@
-"""A quantity that is fitted: where it belongs, its range, and what is believed of it beforehand.
+"""A quantity that is fitted: its samples, its bounds and its prior.
 
-The fit works with positive numbers x and their logarithms. A quantity that is positive and no more
-is its own x. One between bounds a and b has the odds x = (value - a) / (b - value).
+The fit works with positive numbers x and their logarithms. A positive quantity without bounds is
+its own x. A quantity between bounds a and b has the odds x = (value - a) / (b - value).
 """
 
 from dataclasses import dataclass
@@ -18,13 +18,15 @@ from mrjax.recipe.sheets import Name, Sheet
 
 
 class PriorSheet(Sheet):
-    """A quantity to be fitted, or held at a value, and what is believed of it."""
+    """A quantity to be fitted, with its prior, or to be held at a value."""
 
     name: Name = Field(
         description="a leaf of mrjax.Parameters such as f_s, a coefficient of the closure such as "
         "f_w.exponent, or bed_fraction"
     )
-    value: float | None = Field(default=None, gt=0, description="what it is held at, above zero")
+    value: float | None = Field(
+        default=None, gt=0, description="the value it is held at, above zero"
+    )
     median: float | None = Field(default=None, gt=0, description="the prior's median, above zero")
     start: float | None = Field(
         default=None, gt=0, description="where the search begins, above zero, or leave out"
@@ -41,9 +43,7 @@ class PriorSheet(Sheet):
     def _one_way(self) -> Self:
         at = f"parameter {shown(self.name)}"
         if (self.value is None) == (self.median is None):
-            raise ValueError(
-                f"{at}: give either median, the middle of what is believed, or value, to hold it"
-            )
+            raise ValueError(f"{at}: give either median, that of the prior, or value, to hold it")
         fitted = (self.bounds, self.log_standard_deviation, self.standard_deviation, self.start)
         if self.value is not None and any(value is not None for value in fitted):
             raise ValueError(
@@ -98,37 +98,42 @@ class ParameterSheet(PriorSheet):
 
 @dataclass(frozen=True)
 class FreeParameter:
-    """A fitted quantity: what the fit calls it, what it sets, where, its range and its prior.
+    """A fitted quantity: its name, its samples, its bounds and its prior.
 
-    The prior says what is believed, `begin` where the search begins: two things.
+    The median belongs to the prior, `begin` to the search: they need not agree.
     """
 
     label: str
+    """Name in reports, with the samples if other parameters have the same name."""
     name: str
+    """Name of the quantity in the suspension."""
     samples: tuple[str, ...]
+    """Names of the samples that share the value."""
     median: float
+    """Median of the prior; without a prior, the default start."""
     log_standard_deviation: float | None
-    """Width of the prior of x, in logarithms, about its value at the median; None without one."""
+    """Standard deviation of the prior of ln x; None without a prior."""
     bounds: tuple[float, float] | None = None
+    """Lower and upper bound; None for any positive value."""
     begin: float | None = None
     """Start of the search; None for the median."""
 
     @property
     def variable(self) -> str:
-        """The name of x."""
+        """Name of x, the variable of the fit."""
         return f"odds({self.label})" if self.bounds else self.label
 
     @property
     def start(self) -> float:
         """Start of the search, as x."""
-        return self._x(self.median if self.begin is None else self.begin)
+        return self._to_variable(self.median if self.begin is None else self.begin)
 
     @property
     def middle(self) -> float:
         """The x of the median."""
-        return self._x(self.median)
+        return self._to_variable(self.median)
 
-    def _x(self, value: float) -> float:
+    def _to_variable(self, value: float) -> float:
         if not self.bounds:
             return value
         lower, upper = self.bounds
@@ -142,14 +147,14 @@ class FreeParameter:
         return LogNormal(self.middle, self.log_standard_deviation)
 
     def value(self, x: ArrayLike) -> Array:
-        """The quantity for an x."""
+        """The value of the quantity whose variable is x."""
         if not self.bounds:
             return x
         lower, upper = self.bounds
         return lower + (upper - lower) * x / (1.0 + x)
 
     def per_log(self, x: ArrayLike) -> Array:
-        """Its derivative with respect to ln x."""
+        """Derivative of the quantity with respect to ln x."""
         if not self.bounds:
             return x
         lower, upper = self.bounds
@@ -162,9 +167,9 @@ def free_parameters(
     """The free parameters of a sheet: one for all of its samples, or one for each.
 
     Args:
-      sheet: with a median.
-      names: of all samples.
-      once: whether no other sheet has its name; else its samples are in the label.
+      sheet: sheet with a median.
+      names: names of all samples.
+      once: True if no other sheet has its name; else the label includes its samples.
     """
     samples = tuple(sheet.samples or names)
     if not sheet.per_sample:

@@ -18,13 +18,13 @@ THICKNESS = 0.01
 def read_all(
     sheets: Sequence[LocalSheet], folder: Path, recipe: Recipe, height: float
 ) -> tuple[list[LocalTable], list[Measurement]]:
-    """The tables of a sample, and their readings.
+    """Reads the tables of a sample; gives them and their measurements.
 
     Args:
-      sheets: the files, and what is stated of each.
-      folder: that of the experiment file.
-      recipe: densities that give volume fractions.
-      height: of the suspension, m.
+      sheets: the files and their settings.
+      folder: folder of the experiment file.
+      recipe: recipe, whose densities give volume fractions.
+      height: height of the suspension, m.
 
     Raises:
       InputError: a file that cannot be used, or a height above that of the suspension.
@@ -42,7 +42,7 @@ def read_all(
 
 
 def _name(sheet: LocalSheet, names: Iterable[str]) -> str:
-    """A name of one table, with a number where another has its place."""
+    """Name of a table, with a number if another table has the same height or time."""
     kind = "concentration" if sheet.height is not None else "profile"
     name = f"{kind} {local_concentrations.said_place(sheet)}"
     alike = sum(other.split(", table")[0] == name for other in names)
@@ -69,7 +69,7 @@ def _thickness(sheet: LocalSheet, height: float) -> float:
 
 
 def _scatter(table_read: LocalConcentrations, recipe: Recipe) -> Scatter | None:
-    """The scatter of a table in its unit: of repeats, or one to begin with; None if stated."""
+    """Scatter of a table in its unit, from repeats or a first guess; None if errors are stated."""
     if table_read.understood.errors == "stated":
         return None
     size = recipe.volume_fraction / RATIO_UNITS[table_read.unit]
@@ -85,7 +85,7 @@ def _scatter(table_read: LocalConcentrations, recipe: Recipe) -> Scatter | None:
 def _measurements(
     sheet: LocalSheet, table_read: LocalConcentrations, table: LocalTable, first: int
 ) -> list[Measurement]:
-    """The readings of a table; the first of them has a place among those of its sample."""
+    """Measurements of a table; `first` is the index of the first one among those of its sample."""
     si = RATIO_UNITS[table_read.unit]
     thickness = table_read.understood.thickness
     measurements = []

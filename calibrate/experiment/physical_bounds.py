@@ -1,6 +1,6 @@
 """Physical bounds of the free parameters: the values that a lab sheet accepts.
 
-A fit whose data leave a quantity open ends within them, and not at 1e43.
+They keep a quantity that the data leave open from values such as 1e43.
 """
 
 from functools import cache
@@ -36,31 +36,31 @@ OF_SHEET: dict[str, tuple[type[Sheet], str]] = {
     "added_mass": (Drag, "added_mass"),
     "gravity": (Recipe, "gravity"),
 }
-"""The entry of a lab sheet for leaves of `mrjax.Parameters`."""
+"""Table and entry of a lab sheet, by leaf of `mrjax.Parameters`."""
 FACTORS = ("f_w", "f_s", "f_v")
 DENSER = 1e-3
-"""By how much of it a bed is denser than its suspension, at least."""
+"""Least relative excess of the volume fraction of a bed over that of its suspension."""
 NEAREST = 1e-9
-"""Of the distance between bounds, to either of them."""
+"""Least distance of a value to its bounds, over the distance between them."""
 
 
 def bounds(experiment: Experiment, parameter: FreeParameter) -> tuple[float, float]:
-    """Least and greatest x of a fitted quantity."""
-    lower, upper = _of_value(experiment, parameter)
+    """Smallest and largest x of a fitted quantity."""
+    lower, upper = _value_bounds(experiment, parameter)
     if not parameter.bounds:
         return lower, upper
     return _odds(parameter, lower), _odds(parameter, upper)
 
 
 def _odds(parameter: FreeParameter, value: float) -> float:
-    """The x of a value, or of the nearest between the bounds."""
+    """The odds of a value, or of the nearest one between the bounds."""
     lower, upper = parameter.bounds or (0.0, 1.0)
     share = (value - lower) / (upper - lower)
     share = min(max(share, NEAREST), 1.0 - NEAREST)
     return share / (1.0 - share)
 
 
-def _of_value(experiment: Experiment, parameter: FreeParameter) -> tuple[float, float]:
+def _value_bounds(experiment: Experiment, parameter: FreeParameter) -> tuple[float, float]:
     if parameter.name == BED:
         thickest = max(
             sample.recipe.coated_volume_fraction
@@ -71,12 +71,12 @@ def _of_value(experiment: Experiment, parameter: FreeParameter) -> tuple[float, 
     if parameter.name in FACTORS or parameter.name.startswith(CLOSURE):
         return LEAST_FACTOR, LARGEST_FACTOR
     if parameter.name in OF_SHEET:
-        return _of_entry(*OF_SHEET[parameter.name])
+        return _entry_bounds(*OF_SHEET[parameter.name])
     return SMALLEST, LARGEST_BOX if parameter.name == "radius" else LARGEST
 
 
 @cache
-def _of_entry(sheet: type[Sheet], entry: str) -> tuple[float, float]:
+def _entry_bounds(sheet: type[Sheet], entry: str) -> tuple[float, float]:
     """Bounds of a positive number in a lab sheet."""
 
     def rule_or(names: tuple[str, ...], otherwise: float) -> float:

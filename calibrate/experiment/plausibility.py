@@ -1,8 +1,9 @@
-"""Readings that cannot be true of their tube, found before anything is fitted to them.
+"""Checks of readings against their tube, before any fit.
 
-A mudline begins at the height of the suspension, is never above it nor below what the particles
-alone would fill, and only falls. What is off by more than its error allows is refused; what may
-be right all the same, such as a first reading a little off, is told as a warning.
+A mudline begins at the height of the suspension and only falls. It is never above that height, nor
+below the height that the particles alone would fill. Readings that differ from this by more than
+their error are refused. Readings that may still be right, such as a first reading a little below
+the height, cause a warning.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
@@ -17,11 +18,12 @@ from mrjax import InputError, Recipe, terminal_velocity
 from mrjax.recipe.plausibility import RANDOM_CLOSE_PACKING
 
 ERRORS = 3.0
-"""Standard deviations by which a reading may be off."""
+"""Largest deviation of a reading that is accepted, in standard deviations."""
 SHARE = 0.02
-"""Share of the height that is not refused at the start, nor of readings without a stated error."""
+"""Deviation, as a share of the height, that is accepted at the start and for readings without a
+stated error."""
 ABSURD = 1e3
-"""Factor on the speed that the recipe gives beyond which it is rather another unit."""
+"""Ratio of a measured speed to that of the recipe above which the unit is doubted."""
 DENSER_THAN_BED = 1.2
 """Factor on the volume fraction of the bed at rest beyond which a concentration is odd."""
 FASTER_AT_FIRST = 100.0
@@ -29,20 +31,20 @@ FASTER_AT_FIRST = 100.0
 reading."""
 
 WAITED = 5.0
-"""Fall before the first reading, as fast as after it, in times of `SHARE`, that is odd."""
+"""Fall extrapolated to before the first reading, over `SHARE`, above which the times are odd."""
 
 
 class Readings(NamedTuple):
-    """A curve beside its tube; T readings in the order of their times."""
+    """A curve in relation to its tube: T readings in the order of their times."""
 
     sample: Sample
     curve: list[Measurement]
     ratio: np.ndarray
     """Mudline over the height of the suspension, (T,)."""
     error: np.ndarray
-    """Standard deviations of it, (T,)."""
+    """Standard deviations of that ratio, (T,)."""
     times: np.ndarray
-    """(T,) in s."""
+    """Times, s, (T,)."""
 
     def said(self, place: int) -> str:
         """A reading in words: its row, its value and its time."""
@@ -59,7 +61,7 @@ class Readings(NamedTuple):
 
     @property
     def tube(self) -> str:
-        """Keys of the height that a reading is compared with: `height`, or also the diameter."""
+        """Keys that set the height of comparison: `height`, and for volumes also the diameter."""
         of_volume = self.curve[0].unit in VOLUME_UNITS
         return "tube_diameter or height" if of_volume else "height"
 
@@ -69,10 +71,10 @@ class Readings(NamedTuple):
 
 
 def refuse_senseless(sample: Sample) -> list[str]:
-    """Refuses readings of a curve that cannot be true; returns warnings about odd ones.
+    """Refuses impossible readings of a curve; returns warnings about odd ones.
 
     Raises:
-      InputError: a reading that cannot be: its row, its value, why, and what to mend.
+      InputError: a reading is impossible; the message has its row, its value and the remedy.
     """
     curve = [measurement for measurement in sample.measurements if measurement.observable in CURVES]
     if not curve:
@@ -80,7 +82,7 @@ def refuse_senseless(sample: Sample) -> list[str]:
     readings = _beside_the_tube(sample, curve)
     _refuse_above(readings)
     if not sinks(sample.recipe):
-        return []  # what rises leaves its mudline below
+        return []  # particles that rise leave clear fluid below
     odd = [*_start(readings), *_late_start(readings)]
     _refuse_rise(readings)
     _refuse_below_particles(readings)
@@ -118,13 +120,13 @@ def _refuse_above(readings: Readings) -> None:
 
 
 def _refuse_below_particles(readings: Readings) -> None:
-    """Refuses a mudline below what the particles would fill without any liquid between them."""
+    """Refuses a mudline below the height of the particles without any liquid between them."""
     ratio, solids = readings.ratio, readings.sample.recipe.volume_fraction
     for place in np.flatnonzero(solids - ratio > ERRORS * readings.error)[:1]:
         raise InputError(
             f"{readings.said(place)} is {ratio[place]:.3g} of the height, less than the particles "
             f"alone would fill, {solids:.3g}; mend unit, {readings.tube} or composition, or give "
-            "the mudline where the clear layer was read"
+            "the mudline in place of the clear layer"
         )
 
 
@@ -134,14 +136,14 @@ def sinks(recipe: Recipe) -> bool:
 
 
 def _start(readings: Readings) -> list[str]:
-    """Warns of a first reading, near time 0, that is below the height; refuses a large one."""
+    """Warns of a first reading, near time 0, below the height; refuses one that is far below."""
     ratio, error, times = readings.ratio, readings.error, readings.times
     low = 1.0 - ratio[0]
     if low <= ERRORS * error[0] or low <= _fallen_at_most(readings.sample, float(times[0])):
         return []
     text = (
         f"{readings.said(0)} is {ratio[0]:.4g} of the height, where nothing has settled yet; mend "
-        f"{readings.tube} or unit, or give the mudline where the clear layer was read"
+        f"{readings.tube} or unit, or give the mudline in place of the clear layer"
     )
     if low > SHARE:
         raise InputError(text)
@@ -149,7 +151,7 @@ def _start(readings: Readings) -> list[str]:
 
 
 def _late_start(readings: Readings) -> Iterator[str]:
-    """Warns of elapsed times that are rather those of the day: nothing falls before the first."""
+    """Warns of elapsed times that look like times of day: nothing falls before the first one."""
     file, times, ratio = readings.sample.curve, readings.times, readings.ratio
     if file is None or not file.time_form.startswith("hh:mm"):
         return
@@ -199,8 +201,8 @@ def oddities(samples: Sequence[Sample], suspensions: Iterable[Suspension]) -> It
     """Warnings about an experiment as a whole: speeds out of proportion, repeated readings.
 
     Args:
-      samples: all of the experiment.
-      suspensions: each sample with the medians in their places.
+      samples: all samples of the experiment.
+      suspensions: suspension of each sample, with the medians of the priors.
     """
     for sample, suspension in zip(samples, suspensions, strict=True):
         yield from _absurd_speed(sample, suspension)
@@ -220,7 +222,7 @@ def _readings(sample: Sample) -> tuple:
 
 
 def _absurd_speed(sample: Sample, suspension: Suspension) -> Iterator[str]:
-    """A speed far from that of the recipe with the medians; of a table the first one is told."""
+    """Warnings about speeds far from that of the recipe with the medians; one for each table."""
     expected = _expected(suspension)
     for measurement in sample.measurements:
         if measurement.observable == "initial_velocity":
@@ -246,7 +248,7 @@ def _absurd_speed(sample: Sample, suspension: Suspension) -> Iterator[str]:
 
 
 def _denser_than_bed(sample: Sample, suspension: Suspension) -> Iterator[str]:
-    """A concentration far above that of the bed at rest; of each table the largest is told."""
+    """Warnings about concentrations far above that of the bed at rest; the largest of a table."""
     coated = suspension.bed_fraction
     bed = RANDOM_CLOSE_PACKING if coated is None else float(np.asarray(coated))
     bed /= sample.recipe.radius_factor**3
@@ -272,7 +274,7 @@ def _expected(suspension: Suspension) -> float:
 
 
 def _speed(sample: Sample, measurement: Measurement) -> float:
-    """Mean speed of a mudline from time 0 to a reading, m/s; 0 of another measurement."""
+    """Mean speed of a mudline from time 0 to a reading, m/s; 0 for another measurement."""
     if measurement.observable not in CURVES or not sample.times[measurement.place or 0]:
         return 0.0
     scale = sample.height if measurement.observable == "sedimentation_ratio" else 1.0

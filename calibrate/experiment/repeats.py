@@ -7,22 +7,22 @@ import numpy as np
 from calibrate.experiment.sample import FEWEST_REPEATS, Scatter
 
 BEFORE_THE_FIT = 0.1
-"""Scatter with which a fit begins that estimates it, and ends where nothing tells it.
+"""First guess of a scatter that the fit estimates, and its value if nothing estimates it.
 
-Of velocities as a share of each, of concentrations as a share of that of the suspension."""
+It is a share of each velocity, and for concentrations a share of that of the suspension."""
 LEAST_SCATTER = 1e-3
-"""Scatter, as the same share, below which nothing was ever read."""
+"""Least scatter of any reading, as the same share."""
 
 
 def scatter_of_repeats(
     at: Sequence[float], values: Sequence[float], relative: bool
 ) -> Scatter | None:
-    """The scatter of readings about the mean of those at one place; None if there are too few.
+    """Scatter of readings about the mean of their repeats; None if there are too few.
 
     Args:
-      at: place of each reading, (N,).
+      at: time, height or concentration of each reading, (N,); it is the same for repeats.
       values: the readings, (N,).
-      relative: whether it is a share of the mean.
+      relative: True for a scatter relative to the mean.
     """
     places, place, count = np.unique(at, return_inverse=True, return_counts=True)
     value = np.asarray(values, float)

@@ -10,24 +10,24 @@ from calibrate.experiment.readings.velocity_understood import VelocitiesUndersto
 from mrjax import Recipe
 
 FEWEST_REPEATS = 3
-"""Degrees of freedom of repeats from which on they give the scatter, and not the fit."""
+"""Least degrees of freedom of repeats that give the scatter in place of the fit."""
 
 
 class Concentration(NamedTuple):
     """The concentration at which a velocity was measured."""
 
     value: float
-    """As its file has it."""
+    """Value, as in its file."""
     kind: str
     """Kind of the concentration, one of `concentrations.KINDS`."""
     volume_fraction: float
     """Volume fraction of the uncoated particles; 1."""
     place: int
-    """Place of its volume fraction among those of the sample."""
+    """Index of its volume fraction among those of the sample."""
 
     @property
     def said(self) -> str:
-        """In words, with its unit."""
+        """The concentration in words, with its unit."""
         return concentrations.said(self.kind, self.value)
 
 
@@ -35,31 +35,31 @@ class Point(NamedTuple):
     """The height and time at which a concentration was measured."""
 
     height: float
-    """Middle of the layer that it averages over, m from the floor."""
+    """Middle of the layer that it averages over, m above the floor."""
     time: float
-    """From the start, s."""
+    """Time from the start, s."""
     thickness: float
     """Thickness of that layer, which ends at the floor and at the top of the suspension; m."""
     place: int
-    """Place among those of the sample."""
+    """Index among the points of the sample."""
     table: str
     """Name of its table."""
     height_unit: str
-    """Unit in which heights are told."""
+    """Unit of heights in reports."""
     time_unit: str
-    """Unit in which times are told."""
+    """Unit of times in reports."""
 
 
 class Scatter(NamedTuple):
     """The scatter of the readings of a file that states no errors."""
 
     value: float
-    """Standard deviation of a reading: of a curve or a local concentration in its unit, of a
-    velocity over its predicted value."""
+    """Standard deviation of a reading: in its unit for a curve or a local concentration, over the
+    predicted value for a velocity."""
     degrees_of_freedom: float
-    """Readings less what was fitted to them; 0 where nothing is left to tell it."""
+    """Number of readings less that of values fitted to them; 0 for an assumed scatter."""
     source: Literal["fit", "repeats", "assumed"]
-    """Residuals of the fit, repeats at one time or concentration, or neither."""
+    """Source of the value: residuals of the fit, repeats, or an assumption."""
 
     @property
     def standard_error(self) -> float:
@@ -70,39 +70,40 @@ class Scatter(NamedTuple):
 
 
 class Measurement(NamedTuple):
-    """One number with its uncertainty, both in `unit`, which is `si` in SI."""
+    """One measured number with its standard deviation."""
 
     observable: str
     """Observable: `initial_velocity`, `final_ratio`, `viscosity_ratio`, of a curve `mudline` or
     `sedimentation_ratio`, or at a height and time `volume_fraction`."""
     value: float
-    """In `unit`."""
+    """Measured value, in `unit`."""
     standard_deviation: float
     """Standard deviation of the value, in `unit`."""
     unit: str
-    """Its name, such as `mm/day`."""
+    """Name of the unit, such as `mm/day`."""
     si: float
-    """The unit in SI."""
+    """One unit in SI units."""
     place: int | None = None
-    """Place of its time among those of the sample; None of what is no curve."""
+    """Index of its time among those of the sample; None if it is of no curve."""
     row: int | None = None
-    """Row of its file."""
+    """Number of its row in the file."""
     concentration: Concentration | None = None
-    """Concentration of a velocity of a table; None of what was measured on the sample as it is."""
+    """Concentration of a velocity of a table; None if measured on the sample as it is."""
     point: Point | None = None
-    """Height and time of a local concentration; None of another measurement."""
+    """Height and time of a local concentration; None for another measurement."""
 
 
 class LocalTable(NamedTuple):
     """A table of local concentrations, as its file was read."""
 
     name: str
-    """Such as `concentration at height 0.05 m`, of one table of its sample."""
+    """Name in its sample, such as `concentration at height 0.05 m`."""
     unit: str
     """Unit of its volume fractions: `1` or `%`."""
     understood: LocalUnderstood
+    """Record of how its file was read."""
     scatter: Scatter | None
-    """Scatter of its readings in their unit; None where errors are stated."""
+    """Scatter of its readings in their unit; None if errors are stated."""
 
 
 @dataclass(frozen=True)
@@ -110,7 +111,7 @@ class Sample:
     """One suspension that was measured."""
 
     name: str
-    """As the experiment has it."""
+    """Name in the experiment."""
     recipe: Recipe
     """Recipe of the sample."""
     height: float
@@ -118,12 +119,12 @@ class Sample:
     bed_fraction: float | Literal["particles"] | None
     """Volume fraction of the coated particles in the bed at rest.
 
-    "particles": as a simulated bed packs them.
+    "particles" stands for that of a simulated bed. None if it is fitted, or not known.
     """
     measurements: tuple[Measurement, ...]
-    """All that was measured on it."""
+    """All measurements of the sample."""
     times: tuple[float, ...] = ()
-    """Times of its curve, increasing, (T,) in s; several readings may be of one."""
+    """Times of its curve, s, (T,), increasing; several readings may share one."""
     curve: Understood | None = None
     """Record of how the file of its curve was read."""
     fractions: tuple[float, ...] = ()
@@ -131,9 +132,9 @@ class Sample:
     velocities: VelocitiesUnderstood | None = None
     """Record of how the file of its velocities was read."""
     scatter: Scatter | None = None
-    """Relative scatter of those velocities where no error is stated."""
+    """Relative scatter of those velocities; None if errors are stated."""
     curve_scatter: Scatter | None = None
-    """Scatter of the curve where no error is stated, in its unit."""
+    """Scatter of the curve in its unit; None if errors are stated."""
     points: tuple[Point, ...] = ()
     """Heights and times at which concentrations were measured, (Q,)."""
     concentrations: tuple[LocalTable, ...] = ()

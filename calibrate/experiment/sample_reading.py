@@ -1,4 +1,4 @@
-"""A sample from its table: the recipe it names, and its readings."""
+"""Reads a sample from its table of the experiment file: its recipe and its readings."""
 
 from pathlib import Path
 
@@ -16,13 +16,13 @@ from mrjax.io import reading
 def read_sample(
     sheet: SampleSheet, folder: Path, source: str, recipes: dict[Path, Recipe]
 ) -> Sample:
-    """The sample of a table.
+    """Reads the sample of a table.
 
     Args:
-      sheet: its table.
-      folder: that of the experiment file, from which paths are.
-      source: the experiment, as messages name it.
-      recipes: those that were read already, by path; a further one is added.
+      sheet: the table.
+      folder: folder of the experiment file, to which paths are relative.
+      source: name of the experiment, for messages.
+      recipes: recipes that were read before, by path; a new one is added.
 
     Raises:
       InputError: a recipe or curve that cannot be used, or particles that rise.

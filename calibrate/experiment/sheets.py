@@ -1,4 +1,4 @@
-"""The TOML file of an experiment: its tables, and what is wrong with one."""
+"""The TOML file of an experiment: its tables, and their checks."""
 
 from collections import Counter
 from typing import Annotated, Literal, Self
@@ -72,7 +72,7 @@ class SampleSheet(Sheet):
         default=None, description="a table with value and standard_deviation"
     )
     curve: CurveSheet | None = Field(
-        default=None, description="a table with file, and what is not to be found in it"
+        default=None, description="a table with file, and settings that it does not show"
     )
     velocities: VelocitiesSheet | None = Field(
         default=None, description="a table with file: velocities or fluxes by concentration"

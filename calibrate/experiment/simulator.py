@@ -1,4 +1,4 @@
-"""A simulator of a user's own: a function of parameters to predictions, and its readings."""
+"""A user's own simulator: a function from parameters to predictions, and the readings."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -19,17 +19,17 @@ from mrjax.recipe import sheets
 from mrjax.recipe.sheets import Name
 
 ParameterTable = Mapping[str, Any] | LogNormal | float
-"""A parameter: a table with the keys of `[[parameter]]`, a prior, or the start of one without."""
+"""A parameter: a table with the keys of `[[parameter]]`, a prior, or a start if it has no prior."""
 
 BEFORE_THE_FIT = 0.1
-"""Scatter with which a fit begins that estimates it, over the readings' standard deviation."""
+"""First guess of a scatter that the fit estimates, over the standard deviation of the readings."""
 
 
 class SimulatorParameter(PriorSheet):
-    """A parameter of a simulator; of either sign where it has bounds."""
+    """A parameter of a simulator; with bounds it may have either sign."""
 
     name: Name = Field(description="a name, such as viscosity")
-    value: float | None = Field(default=None, description="what it is held at")
+    value: float | None = Field(default=None, description="the value it is held at")
     median: float | None = Field(default=None, description="the prior's median")
     start: float | None = Field(default=None, description="where the search begins, or leave out")
 
@@ -47,9 +47,9 @@ class SimulatorParameter(PriorSheet):
 
 @dataclass(frozen=True)
 class Simulator:
-    """A function of parameters to predictions, with the readings that it should give.
+    """A function from parameters to predictions, with the readings that it is fitted to.
 
-    Where `at` is given, figures show the readings along it; labels name them one by one.
+    With `at`, figures show the readings along an axis; `labels` name them one by one.
 
     Example:
       >>> simulator = calibrate.Simulator(
@@ -58,16 +58,16 @@ class Simulator:
       ...     errors=0.1,
       ...     parameters={"slope": 1.0},
       ... )
-      >>> found = calibrate.run(simulator)
-      >>> found.fit.converged, found.fit.values.round(3)
+      >>> calibration = calibrate.run(simulator)
+      >>> calibration.fit.converged, calibration.fit.values.round(3)
       (True, array([5.986]))
     """
 
     predict: Callable[[dict[str, Any]], ArrayLike]
-    """From values, by name, to predictions, (M,); a function of JAX, of numpy, or one that calls
+    """Function from values by name to predictions, (M,): of JAX, of numpy, or one that calls
     another program."""
     readings: ArrayLike
-    """What was measured, (M,)."""
+    """Measured values, (M,)."""
     parameters: Mapping[str, ParameterTable]
     """Parameters by name: a table with the keys of `[[parameter]]` (median,
     log_standard_deviation, start, value, or bounds and standard_deviation), a
@@ -78,20 +78,20 @@ class Simulator:
     name: str = "simulator"
     """Name in the report."""
     quantity: str = "reading"
-    """What is read, in words."""
+    """Name of the measured quantity."""
     unit: str = "1"
     """Unit of the readings and of the predictions."""
     at: ArrayLike | None = None
-    """Where or when each was read, (M,)."""
+    """Position or time of each reading, (M,)."""
     axis: str = ""
-    """What `at` is, such as "time, s"."""
+    """Name and unit of `at`, such as "time, s"."""
     labels: Sequence[str] | None = None
     """A name for each reading, in place of `at`."""
     differentiable: bool | None = None
     """True for a function that JAX traces, False for one whose slopes are finite differences; None
-    to try."""
+    to try which it is."""
     step: float | None = None
-    """Of finite differences, in the logarithm; None to choose it at the start of a fit."""
+    """Step of finite differences in the logarithm; None to choose it at the start of a fit."""
 
     def __post_init__(self) -> None:
         """Converts to arrays of numbers.
@@ -169,7 +169,7 @@ class Simulator:
         return name if name.isidentifier() else "own"
 
     def place(self, number: int) -> dict[str, Any]:
-        """Where a reading was taken, as `fit.json` has it; nothing of one with a label."""
+        """Position of a reading, as in `fit.json`; empty for readings with labels."""
         if self.labels is not None:
             return {}
         if self.at is None:
@@ -179,11 +179,11 @@ class Simulator:
 
 @dataclass(frozen=True, kw_only=True)
 class SimulatedExperiment(Experiment):
-    """An experiment without samples, whose only model is a function of a user's own."""
+    """An experiment without samples, whose only model is a user's own function."""
 
     simulator: Simulator
     standard_deviations: np.ndarray
-    """Of the readings, stated or as far as they are estimated, (M,)."""
+    """Standard deviations of the readings, stated or estimated so far, (M,)."""
     scatter: Scatter | None = None
     """Scatter that a fit has estimated."""
 
@@ -263,7 +263,7 @@ def _numbers(numbers: Any, name: str, shape: tuple[int, ...] | None = None) -> n
       shape: required shape; None for any array of one axis.
 
     Raises:
-      InputError: it is none.
+      InputError: it is no such vector.
     """
     try:
         array = np.array(numbers, float)

@@ -1,4 +1,4 @@
-"""The input of a forward model: a recipe with the fitted values in their places."""
+"""The input of a forward model: a recipe with fitted values in place of its own."""
 
 import inspect
 from collections.abc import Mapping
@@ -16,27 +16,27 @@ from mrjax.recipe.sheets import did_you_mean
 
 BED = "bed_fraction"
 CLOSURE = "f_w."
-"""What the name of a closure's coefficient begins with: `f_w.exponent`."""
+"""Prefix of the name of a coefficient of the closure: `f_w.exponent`."""
 FACTORS = ("f_w", "f_s", "f_v", "f_r")
-"""The leaves that are fitted most."""
+"""The leaves that are fitted most often."""
 LEAVES = tuple(leaf.name for leaf in fields(Parameters))
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Suspension:
-    """A suspension before it settles, and how densely it will lie."""
+    """A dispersed suspension, with the volume fraction of its bed at rest."""
 
     parameters: Parameters
-    """With f_w at the suspension's own volume fraction, where a closure gives it."""
+    """Parameters; a closure gives f_w at the volume fraction of the suspension."""
     volume_fraction: Array
     """Volume fraction of the coated particles when dispersed, ()."""
     bed_fraction: ArrayLike | None
-    """Volume fraction of the coated particles in the bed at rest, (); None if not given."""
+    """Volume fraction of the coated particles in the bed at rest, (); None if unknown."""
     hindrance: Hindrance | None
-    """f_w for other volume fractions, where the recipe asks for local drag."""
+    """Function from volume fraction to f_w, for local drag; None without local drag."""
     closure: Hindrance | None = None
-    """f_w for volume fractions; None where it is a number."""
+    """Function from volume fraction to f_w; None if f_w is a number."""
 
     def at(self, volume_fraction: ArrayLike) -> "Suspension":
         """The same particles in another amount of fluid.
@@ -54,13 +54,13 @@ class Suspension:
 def suspension(
     recipe: Recipe, bed_fraction: ArrayLike | None, changes: Mapping[str, ArrayLike]
 ) -> Suspension:
-    """A recipe with some quantities changed.
+    """The suspension of a recipe with some quantities changed.
 
     Args:
       recipe: the lab sheet.
-      bed_fraction: of the bed at rest, unless it is changed.
-      changes: by name: a leaf of `Parameters`, a coefficient of the recipe's closure of f_w
-        (`f_w.exponent`), or `bed_fraction`.
+      bed_fraction: volume fraction of the bed at rest, unless it is changed.
+      changes: new values by name: a leaf of `Parameters`, a coefficient of the recipe's closure of
+        f_w (`f_w.exponent`), or `bed_fraction`.
     """
     leaves = {name: value for name, value in changes.items() if name in LEAVES}
     coefficients = {
@@ -85,14 +85,14 @@ def suspension(
 
 
 def refuse_unknown(name: str, recipe: Recipe, parameters: Parameters) -> None:
-    """Refuses a name that is no quantity of this recipe, or one of several values.
+    """Refuses a name that is no quantity of the recipe, or one with several values.
 
     Args:
-      name: of the quantity.
-      recipe, parameters: the lab sheet, and what it gives.
+      name: name of the quantity.
+      recipe, parameters: the lab sheet, and its parameters.
 
     Raises:
-      InputError: what is wrong with the name, and which are known.
+      InputError: the name cannot be used; the message has the known names.
     """
     if name == BED:
         return

@@ -1,4 +1,4 @@
-"""Units of what is measured, and the spellings by which files and sheets name them."""
+"""Units of measured quantities, and their spellings in files and sheets."""
 
 import unicodedata
 from collections.abc import Iterable, Mapping
@@ -32,7 +32,7 @@ RATIO_UNITS = {"1": 1.0, "%": 1e-2}
 """One unit of the sedimentation ratio."""
 
 CURVES = {"mudline": HEIGHT_UNITS | VOLUME_UNITS | RATIO_UNITS, "sedimentation_ratio": RATIO_UNITS}
-"""What a curve may be of, and in which units."""
+"""Units of the observables of a curve."""
 
 
 class Dimension(NamedTuple):
@@ -97,9 +97,9 @@ READINGS = Dimension(
     {**HEIGHT.units, **VOLUME.units, **RATIO.units},
     {**HEIGHT.spellings, **VOLUME.spellings, **RATIO.spellings},
 )
-"""Everything in which a mudline may be read."""
+"""Units in which a mudline may be read."""
 LEVEL = Dimension({**HEIGHT.units, **RATIO.units}, {**HEIGHT.spellings, **RATIO.spellings})
-"""Units of a height within a suspension; as a ratio to that of the suspension, too."""
+"""Units of a height within a suspension, ratios to the height of the suspension included."""
 
 
 def one_of(units: Iterable[str]) -> AfterValidator:
@@ -115,7 +115,7 @@ def one_of(units: Iterable[str]) -> AfterValidator:
 
 
 def spelled(dimension: Dimension) -> AfterValidator:
-    """A validator for a field that names a unit in any of its spellings; gives its one name."""
+    """A validator for a field that names a unit in any spelling; gives its standard name."""
 
     def check(word: str, field: ValidationInfo) -> str:
         unit = dimension.named(word)

@@ -19,17 +19,17 @@ class VelocityTable(NamedTuple):
     fractions: tuple[float, ...]
     """Volume fractions of the uncoated particles, increasing, (K,)."""
     scatter: Scatter | None
-    """None where errors are stated."""
+    """Relative scatter of the velocities; None if errors are stated."""
     understood: VelocitiesUnderstood
 
 
 def read(sheet: VelocitiesSheet, folder: Path, recipe: Recipe) -> VelocityTable:
-    """The table of a sample.
+    """Reads the table of velocities of a sample.
 
     Args:
-      sheet: the file, and what is stated of it.
-      folder: that of the experiment file.
-      recipe: densities that give volume fractions, and the closure that gives f_w at each.
+      sheet: the file and its settings.
+      folder: folder of the experiment file.
+      recipe: recipe, whose densities give volume fractions, and whose closure gives f_w at each.
 
     Raises:
       InputError: a file that cannot be used, or a recipe whose f_w is one number.
@@ -68,7 +68,7 @@ def read(sheet: VelocitiesSheet, folder: Path, recipe: Recipe) -> VelocityTable:
 
 
 def _scatter(readings: list[Velocity]) -> Scatter:
-    """Relative scatter of repeats at one concentration; where these are few, one to begin with."""
+    """Relative scatter of repeats at one concentration, or a first guess if these are few."""
     repeated = scatter_of_repeats(
         [reading.volume_fraction for reading in readings],
         [reading.value for reading in readings],

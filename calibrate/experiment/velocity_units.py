@@ -13,7 +13,7 @@ from calibrate.experiment.units import HEIGHT, TIME, VELOCITY_UNITS
 from mrjax.core.errors import shown
 
 EXAMPLES = "m/s, cm/s, mm/min, mm/h or mm/day"
-"""As messages name them: any length over any time is one."""
+"""Examples for messages; any length over any time is such a unit."""
 
 
 def _either(words: list[str]) -> str:
@@ -31,7 +31,7 @@ _UNIT = re.compile(
 
 
 class VelocityUnit(NamedTuple):
-    """A unit of a velocity, and what numbers in it are multiplied by."""
+    """A unit of velocity, with a power of ten as a factor."""
 
     name: str
     """Such as `cm/s`, one of `VELOCITY_UNITS`."""
@@ -68,7 +68,7 @@ def parted(text: str) -> tuple[str, VelocityUnit | None]:
 
 
 def velocity_unit(text: str) -> VelocityUnit | None:
-    """The unit that a text names and nothing else; None if it names none."""
+    """The unit of velocity that makes up a whole text; None if the text is anything else."""
     rest, unit = parted(text)
     return None if rest else unit
 
@@ -90,4 +90,4 @@ def _checked(word: str, field: ValidationInfo) -> str:
 
 
 OF_VELOCITY = AfterValidator(_checked)
-"""A validator for a field that names a unit of a velocity; gives its one name."""
+"""A validator for a field that names a unit of velocity; gives its standard name."""

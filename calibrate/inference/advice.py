@@ -60,10 +60,10 @@ def advice(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[str]:
     """
     sentences: list[str] = []
     for sample, place in problem.experiment.by_sample():
-        sentences += _of_unit(problem.experiment, sample)
+        sentences += _unit_causes(problem.experiment, sample)
         curve = _curve(sample, predicted[place])
         if curve is not None:
-            sentences += [f"sample {sample.name}: {sentence}" for sentence in _of_shape(curve)]
+            sentences += [f"sample {sample.name}: {sentence}" for sentence in _shape_causes(curve)]
     return sentences
 
 
@@ -100,7 +100,7 @@ def _curve(sample: Sample, predicted: np.ndarray) -> _Curve | None:
     return _Curve(times, measured, means, errors / np.sqrt(count), full_height / measurement.si)
 
 
-def _of_shape(curve: _Curve) -> Iterator[str]:
+def _shape_causes(curve: _Curve) -> Iterator[str]:
     """Sentences on the shape of the residuals of a curve."""
     if _falls_on(curve):
         yield (
@@ -155,24 +155,28 @@ def _bends(curve: _Curve) -> bool:
     return bool(large and np.sum(np.diff(residuals) ** 2) < SMOOTH * np.sum(residuals**2))
 
 
-def _of_unit(experiment: Experiment, sample: Sample) -> Iterator[str]:
+def _unit_causes(experiment: Experiment, sample: Sample) -> Iterator[str]:
     """Sentences on units and factors that bring the speed of a sample much nearer to the priors."""
     expected, spread = _believed_speed(experiment, sample)
     slope = initial_slope(sample)
     if slope is not None and sample.curve is not None:
         stated_unit = sample.curve.time_unit
         units = {name: second / TIME_UNITS[stated_unit] for name, second in TIME_UNITS.items()}
-        yield from _nearer(sample.name, slope / expected, spread, "times", stated_unit, units)
+        yield from _unit_sentences(
+            sample.name, slope / expected, spread, "times", stated_unit, units
+        )
     for measurement in sample.measurements:
         if measurement.observable == "initial_velocity" and measurement.concentration is None:
             stated_unit = measurement.unit
             units = {
                 name: measurement.si / si
                 for name, si in VELOCITY_UNITS.items()
-                if _alike(name, stated_unit)
+                if _shares_a_unit(name, stated_unit)
             }
             ratio = measurement.value * measurement.si / expected
-            yield from _nearer(sample.name, ratio, spread, "its velocity", stated_unit, units)
+            yield from _unit_sentences(
+                sample.name, ratio, spread, "its velocity", stated_unit, units
+            )
 
 
 def _believed_speed(experiment: Experiment, sample: Sample) -> tuple[float, float]:
@@ -195,14 +199,14 @@ def _believed_speed(experiment: Experiment, sample: Sample) -> tuple[float, floa
     return expected, variance**0.5
 
 
-def _alike(unit: str, other: str) -> bool:
+def _shares_a_unit(unit: str, other: str) -> bool:
     """True for units of velocity with the same length or the same time."""
     return any(
         first == second for first, second in zip(unit.split("/"), other.split("/"), strict=True)
     )
 
 
-def _nearer(
+def _unit_sentences(
     name: str, ratio: float, spread: float, quantity: str, stated_unit: str, units: dict[str, float]
 ) -> Iterator[str]:
     """Sentences on a speed far from that of the recipe, if a unit or power of ten explains it.

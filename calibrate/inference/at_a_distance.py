@@ -1,4 +1,4 @@
-"""A check far from the fit of the null directions of its Jacobian.
+"""A check of the null directions of the Jacobian far from the fit.
 
 A null direction is local: along it predictions do not change near the fit. The report says that
 they do not change at all only if they were computed again at a distance.

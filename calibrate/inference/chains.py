@@ -88,8 +88,8 @@ class Sampler:
         windows = np.asarray(build_schedule(warm_up)).reshape(-1, 2)
         still = np.zeros((draws, 2))
         self._windows = jnp.asarray(np.vstack([windows, still]), bool)
-        self._begin = jax.jit(jax.vmap(partial(_begun, log_density)))
-        self._advance = jax.jit(partial(_advanced, log_density, home, size, warm_up))
+        self._begin = jax.jit(jax.vmap(partial(_first_chain, log_density)))
+        self._advance = jax.jit(partial(_advance_chains, log_density, home, size, warm_up))
         self._first = jnp.asarray(positions, float)
 
     def begin(self) -> Chain:
@@ -145,21 +145,21 @@ def _adaptations() -> tuple[tuple, tuple]:
     return dual_averaging_adaptation(ACCEPTANCE), mass_matrix_adaptation(False)
 
 
-def _begun(log_density: Callable, position: Array) -> Chain:
-    """A chain at a position, (P,)."""
+def _first_chain(log_density: Callable, position: Array) -> Chain:
+    """The state of a chain at its first position, (P,)."""
     import blackjax
 
     (step_size, *_), (mass, *_) = _adaptations()
     state = blackjax.nuts.init(position, log_density)
-    return _plain(Chain(state, step_size(1.0), mass(position.size)))
+    return _strongly_typed(Chain(state, step_size(1.0), mass(position.size)))
 
 
-def _plain(chains: Chain) -> Chain:
+def _strongly_typed(chains: Chain) -> Chain:
     """The same numbers with strong types: weak types would be compiled again."""
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.result_type(leaf)), chains)
 
 
-def _advanced(
+def _advance_chains(
     log_density: Callable,
     home: Home,
     size: int,
@@ -175,7 +175,7 @@ def _advanced(
     Returns:
       the chains, the positions after each step, (MOST, C, P), and divergences, (MOST, C).
     """
-    step = jax.vmap(partial(_stepped, log_density, home), in_axes=(0, 0, None, None))
+    step = jax.vmap(partial(_step_chain, log_density, home), in_axes=(0, 0, None, None))
     count = keys.shape[1]
 
     def body(place: Array, carried: tuple[Chain, Array, Array]) -> tuple[Chain, Array, Array]:
@@ -183,13 +183,13 @@ def _advanced(
         at = done + place
         chains, ended = step(chains, keys[at], windows[at], at < warm_up)
         positions = positions.at[place].set(chains.state.position)
-        return _plain(chains), positions, divergent.at[place].set(ended)
+        return _strongly_typed(chains), positions, divergent.at[place].set(ended)
 
     empty = jnp.zeros((MOST, count, size)), jnp.zeros((MOST, count), bool)
     return jax.lax.fori_loop(0, number, body, (chains, *empty))
 
 
-def _stepped(
+def _step_chain(
     log_density: Callable, home: Home, chain: Chain, key: Array, window: Array, adapting: Array
 ) -> tuple[Chain, Array]:
     """Advances a chain by one step, and adapts it in the warm-up; True for a divergent step.
@@ -207,11 +207,11 @@ def _stepped(
     position, gradient = home(state.position, state.logdensity_grad)
     state = state._replace(position=position, logdensity_grad=gradient)
     learnt = da_update(step_size, info.acceptance_rate), mm_update(mass, state.position)
-    learnt = learnt[0], _chosen(window[0], learnt[1], mass)
+    learnt = learnt[0], _select(window[0], learnt[1], mass)
     replaced = da_init(da_final(learnt[0])), mm_final(learnt[1])
-    adapted = _chosen(window[1], replaced, learnt)
-    return Chain(state, *_chosen(adapting, adapted, (step_size, mass))), info.is_divergent
+    adapted = _select(window[1], replaced, learnt)
+    return Chain(state, *_select(adapting, adapted, (step_size, mass))), info.is_divergent
 
 
-def _chosen(condition: Array, new: Any, old: Any) -> Any:
+def _select(condition: Array, new: Any, old: Any) -> Any:
     return jax.tree.map(partial(jnp.where, condition), new, old)

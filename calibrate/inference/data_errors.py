@@ -38,7 +38,7 @@ TOO_FAR, TOO_LONG = 3.0, 0.3
 
 
 class Valley(NamedTuple):
-    """An optimum of the data alone, of all values or of the others while one product is held."""
+    """An optimum of the data alone: over all values, or with one product of them held."""
 
     logs: np.ndarray
     """Logarithms of the values, (P,)."""
@@ -61,20 +61,20 @@ def data_errors(fit: Fit, directions: np.ndarray, level: float) -> np.ndarray:
     if not np.isfinite(fit.jacobian).all() or not np.isfinite(fit.residuals).all():
         return np.full(len(directions), np.inf)
     with stoppable(), relaxed_promotion():
-        best = _least(fit, np.log(fit.values), np.eye(fit.values.size), fit.box)
+        best = _minimise_data(fit, np.log(fit.values), np.eye(fit.values.size), fit.box)
         return np.array([_error(fit, best, direction, level) for direction in directions])
 
 
 def _error(fit: Fit, best: Valley, direction: np.ndarray, level: float) -> float:
     ends = []
     for sign in (-1.0, 1.0):
-        ends.append(_end(fit, best, direction, sign, level))
+        ends.append(_end_of_interval(fit, best, direction, sign, level))
         if not np.isfinite(ends[-1]):
             return np.inf
     return 0.5 * sum(ends)
 
 
-def _straight(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, float]:
+def _straight_valley(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, float]:
     """Direction of a straight valley per unit of a product, (P,); distance to a rise of one."""
     jacobian = fit.at(logs).jacobian[: fit.residuals.size]
     if not np.isfinite(jacobian).all():
@@ -88,7 +88,9 @@ def _straight(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> tuple[np.nda
     return spread @ direction / variance, min(variance**0.5, UNKNOWN)
 
 
-def _end(fit: Fit, best: Valley, direction: np.ndarray, sign: float, level: float) -> float:
+def _end_of_interval(
+    fit: Fit, best: Valley, direction: np.ndarray, sign: float, level: float
+) -> float:
     """Distance from the optimum at which chi-squared has risen by `level`; infinite if it does not.
 
     Args:
@@ -98,10 +100,10 @@ def _end(fit: Fit, best: Valley, direction: np.ndarray, sign: float, level: floa
       sign: -1 or 1, the side of the optimum.
       level: rise of chi-squared.
     """
-    free, box = _others(fit, direction)
-    farthest = min(UNKNOWN, _room(fit, best.logs, sign * direction))
-    inner, last = (0.0, 0.0), best.logs  # distance, root of the rise there, and the valley
-    tangent, first = _straight(fit, last, direction)
+    free, box = _free_directions(fit, direction)
+    farthest = min(UNKNOWN, _distance_to_bound(fit, best.logs, sign * direction))
+    inner, last = (0.0, 0.0), best.logs  # distance, root of the rise there; valley
+    tangent, first = _straight_valley(fit, last, direction)
     unseen_changes = _unseen_changes(fit, best.logs, direction)
     step = first * level**0.5
     for _ in range(MOST_POINTS):
@@ -111,32 +113,39 @@ def _end(fit: Fit, best: Valley, direction: np.ndarray, sign: float, level: floa
         if box is not None:  # a single value is held exactly
             place = int(np.argmax(np.abs(direction)))
             trial[place] = best.logs[place] + sign * distance * direction[place]
-        valley = _least(fit, trial, free, box)
-        root = _root(valley, best, level)
+        valley = _minimise_data(fit, trial, free, box)
+        root = _root_of_rise(valley, best, level)
         if root > 1.0 - NEAR:  # an end, unless unseen values can compensate
             alternatives = (
-                _least(fit, fit.box.clip(trial + change), free, box) for change in unseen_changes
+                _minimise_data(fit, fit.box.clip(trial + change), free, box)
+                for change in unseen_changes
             )
             valley = min([valley, *alternatives], key=lambda other: other.loss)
-            root = _root(valley, best, level)
+            root = _root_of_rise(valley, best, level)
         if abs(root - 1.0) < NEAR:
-            return distance / root if _by_data(fit, best.logs, valley.logs, direction) else np.inf
+            return (
+                distance / root
+                if _caused_by_data(fit, best.logs, valley.logs, direction)
+                else np.inf
+            )
         if root < 1.0:
             if distance >= farthest:
                 break
             inner, last = (distance, root), valley.logs
-            tangent, _ = _straight(fit, last, direction)
+            tangent, _ = _straight_valley(fit, last, direction)
             step = min(FARTHER * step, distance * (1.0 / max(root, 1e-9) - 1.0))
         else:
             if step < NEAR * distance:
                 # A wall: chi-squared jumps within a step too short to resolve.
-                return distance if _by_data(fit, best.logs, valley.logs, direction) else np.inf
+                return (
+                    distance if _caused_by_data(fit, best.logs, valley.logs, direction) else np.inf
+                )
             # A large rise may mean that a long step has left the valley.
             step *= (1.0 - inner[1]) / (root - inner[1]) if root < TOO_FAR else TOO_LONG
     return np.inf
 
 
-def _root(valley: Valley, best: Valley, level: float) -> float:
+def _root_of_rise(valley: Valley, best: Valley, level: float) -> float:
     """Root of the rise of chi-squared over a level."""
     return max(2.0 * (valley.loss - best.loss) / level, 0.0) ** 0.5
 
@@ -155,7 +164,7 @@ def _unseen_changes(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> list[n
     return [share * width_vector for width_vector in ways for share in ALL_OVER]
 
 
-def _by_data(fit: Fit, best: np.ndarray, logs: np.ndarray, direction: np.ndarray) -> bool:
+def _caused_by_data(fit: Fit, best: np.ndarray, logs: np.ndarray, direction: np.ndarray) -> bool:
     """True if the data caused a rise of chi-squared, and not the bounds of the other values.
 
     A value that reached its bound ten times as far away as the held product hardly influences it.
@@ -173,7 +182,7 @@ def _by_data(fit: Fit, best: np.ndarray, logs: np.ndarray, direction: np.ndarray
     return bool((np.abs(logs - best)[stopped] >= far).all())
 
 
-def _others(fit: Fit, direction: np.ndarray) -> tuple[np.ndarray, Bounds | None]:
+def _free_directions(fit: Fit, direction: np.ndarray) -> tuple[np.ndarray, Bounds | None]:
     """Free directions beside a held one, (P, P - 1), and their bounds if they are single values."""
     alone = np.abs(direction) > 1.0 - RANK_TOLERANCE
     if not alone.any():
@@ -183,7 +192,7 @@ def _others(fit: Fit, direction: np.ndarray) -> tuple[np.ndarray, Bounds | None]
     return np.eye(direction.size)[:, keep], Bounds(lower[keep], upper[keep])
 
 
-def _room(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> float:
+def _distance_to_bound(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> float:
     """Distance to the bound of a single held value; infinite for a product of several."""
     place = int(np.argmax(np.abs(direction)))
     if abs(direction[place]) < 1.0 - RANK_TOLERANCE:
@@ -193,7 +202,7 @@ def _room(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> float:
     return float(abs(end - logs[place]))
 
 
-def _least(fit: Fit, logs: np.ndarray, free: np.ndarray, box: Bounds | None) -> Valley:
+def _minimise_data(fit: Fit, logs: np.ndarray, free: np.ndarray, box: Bounds | None) -> Valley:
     """The least sum of squares of the measurements along the free directions.
 
     Args:

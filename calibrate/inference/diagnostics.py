@@ -21,7 +21,7 @@ def r_hat(draws: np.ndarray) -> np.ndarray:
 
 
 def effective(draws: np.ndarray) -> np.ndarray:
-    """Number of effective draws, (P,), of draws (C, N, P): the smaller one of middle and tails."""
+    """Number of effective draws in middle or tails, the smaller one, (P,), of draws (C, N, P)."""
     from arviz_stats.base import array_stats
 
     axes = {"chain_axis": 0, "draw_axis": 1}

@@ -75,7 +75,7 @@ def forecast(
       seed: seed of a simulated suspension.
       checkpoint: folder that stores a simulated bed, as for `mrjax.settle`.
     """
-    logs, spread, unbounded_directions = _belief(experiment, fit)
+    logs, spread, unbounded_directions = _variables_of_experiment(experiment, fit)
     names = list(experiment.start)
     start = OrderedDict(zip(names, np.exp(logs), strict=True))
     near = experiment.suspension_of(sample, start)
@@ -230,8 +230,10 @@ def _refuse_another_meaning(name: str, recipe: Recipe, fitted: Recipe) -> None:
         )
 
 
-def _belief(experiment: Experiment, fit: Fit) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Logarithms of all variables, (P,), their covariance, (P, P); unbounded directions, (P, K).
+def _variables_of_experiment(
+    experiment: Experiment, fit: Fit
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Logarithms of all variables, (P,), covariance, (P, P), and unbounded directions, (P, K).
 
     Variables that were not fitted have their priors.
     """

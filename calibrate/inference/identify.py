@@ -112,10 +112,12 @@ def identify(fit: Fit) -> Identification:
     near_by = scale * errors
     directions = np.vstack([np.eye(size), rows[known]])
     by_profile = data_errors(fit, directions, scale**2)
-    by_profile = np.maximum(by_profile, _between_optima(fit, directions, scale))
+    by_profile = np.maximum(by_profile, _distances_to_optima(fit, directions, scale))
     errors[known] = by_profile[size:]
     widening = _widening(fit, by_profile[:size], scale * np.sqrt(np.diag(from_data)))
-    limits = np.array([_limit(direction, fit.prior_precision) for direction in rows])
+    limits = np.array(
+        [_largest_determined_error(direction, fit.prior_precision) for direction in rows]
+    )
     seen = errors <= limits
     near = ~seen & (near_by <= limits)
 
@@ -173,7 +175,7 @@ def widened_errors(fit: Fit, widening: np.ndarray, error_scale: float = 1.0) -> 
       widening: `Identification.widening`, (P,).
       error_scale: factor on the errors of the measurements.
     """
-    apart = _between_optima(fit, np.eye(fit.values.size), error_scale)
+    apart = _distances_to_optima(fit, np.eye(fit.values.size), error_scale)
     with np.errstate(divide="ignore"):
         widest = fit.prior_precision**-0.5
     by_slopes = standard_errors(fit, error_scale)
@@ -210,7 +212,7 @@ def _widening(fit: Fit, by_data: np.ndarray, by_slopes: np.ndarray) -> np.ndarra
     return wider
 
 
-def _between_optima(fit: Fit, directions: np.ndarray, scale: float) -> np.ndarray:
+def _distances_to_optima(fit: Fit, directions: np.ndarray, scale: float) -> np.ndarray:
     """Largest distance of each product, (K,), to another optimum that the data do not exclude."""
     most = fit.chi_squared + NOT_EXCLUDED * scale**2
     ways = [
@@ -222,7 +224,7 @@ def _between_optima(fit: Fit, directions: np.ndarray, scale: float) -> np.ndarra
     return np.asarray(apart.max(axis=1, initial=0.0))
 
 
-def _limit(direction: np.ndarray, precision: np.ndarray) -> float:
+def _largest_determined_error(direction: np.ndarray, precision: np.ndarray) -> float:
     """Largest error by the data alone of the logarithm of a determined product of powers."""
     if np.any(np.abs(direction[precision == 0.0]) > RANK_TOLERANCE):
         return WITHOUT_PRIOR

@@ -72,7 +72,7 @@ class Weighted(NamedTuple):
         return self.logs[random.permutation(np.minimum(chosen, len(self.logs) - 1))]
 
 
-class _Drawn(NamedTuple):
+class _ProposalDraws(NamedTuple):
     """Draws of one proposal, and the log-densities of the posterior there."""
 
     proposal: Proposal
@@ -96,13 +96,13 @@ def sample(log_densities: Evaluate, first: Proposal, box: Bounds, seed: int) -> 
       seed: seed of the draws.
     """
     narrow = first
-    batches: list[_Drawn] = []
+    batches: list[_ProposalDraws] = []
     for number in range(1 + ADAPTATIONS):
         random = np.random.default_rng([seed, number])
         if number:
-            narrow = narrow.split().adapted(*_followed(batches))
+            narrow = narrow.split().adapted(*_adaptation_draws(batches))
         batches.append(_draws(log_densities, narrow.with_tails_of(first), box, random))
-        weighted = _weighted(batches[-1])
+        weighted = _weigh(batches[-1])
         if weighted.good:
             break
     return weighted
@@ -110,19 +110,19 @@ def sample(log_densities: Evaluate, first: Proposal, box: Bounds, seed: int) -> 
 
 def _draws(
     log_densities: Evaluate, proposal: Proposal, box: Bounds, random: np.random.Generator
-) -> _Drawn:
+) -> _ProposalDraws:
     """Draws from a proposal until they are good, or will clearly not be."""
-    draws = _Drawn(proposal, np.zeros((0, proposal.centres.shape[1])), np.zeros(0))
+    draws = _ProposalDraws(proposal, np.zeros((0, proposal.centres.shape[1])), np.zeros(0))
     while len(draws.logs) < MOST:
         logs = _within(proposal, FIRST if not len(draws.logs) else MORE, box, random)
         if not len(logs):
             break
-        draws = _Drawn(
+        draws = _ProposalDraws(
             proposal,
             np.concatenate([draws.logs, logs]),
             np.concatenate([draws.densities, log_densities(logs)]),
         )
-        weighted = _weighted(draws)
+        weighted = _weigh(draws)
         hopeless = weighted.effective * MOST < LEAST_EFFECTIVE * len(draws.logs)
         if weighted.good or not weighted.usable or hopeless:
             break
@@ -144,25 +144,25 @@ def _within(
     return np.array(within[:number]).reshape(-1, proposal.centres.shape[1])
 
 
-def _weighted(draws: _Drawn) -> Weighted:
+def _weigh(draws: _ProposalDraws) -> Weighted:
     """Draws of one proposal with their smoothed weights."""
     usable = np.isfinite(draws.densities)
     logs = draws.logs[usable]
     if len(logs) < FEWEST:
         return Weighted(logs, np.full(len(logs), 1.0 / max(len(logs), 1)), np.inf)
     ratios = draws.densities[usable] - draws.proposal.log_density(logs)
-    smoothed, k = _smoothed(ratios)
+    smoothed, k = _smooth(ratios)
     return Weighted(logs, softmax(smoothed), k)
 
 
-def _smoothed(ratios: np.ndarray) -> tuple[np.ndarray, float]:
+def _smooth(ratios: np.ndarray) -> tuple[np.ndarray, float]:
     """Logarithms of weights, (N,), with the tail of a Pareto distribution, and its k."""
     from arviz_stats.base import array_stats
 
     with np.errstate(divide="ignore", invalid="ignore"):
         # It takes log-likelihoods of readings that are left out: their weights are inverse.
         smoothed, k = array_stats.psislw(-ratios)
-    # Without a tail, as of equal weights, its k is not finite.
+    # Without a tail, as for equal weights, k is not finite.
     return np.asarray(smoothed), float(k) if np.isfinite(k) else _without_tail(ratios)
 
 
@@ -171,7 +171,7 @@ def _without_tail(ratios: np.ndarray) -> float:
     return -np.inf if np.ptp(ratios) < 1e-9 else np.inf
 
 
-def _followed(batches: Iterable[_Drawn]) -> tuple[np.ndarray, np.ndarray]:
+def _adaptation_draws(batches: Iterable[_ProposalDraws]) -> tuple[np.ndarray, np.ndarray]:
     """All draws, (N, P), and their weights for adapting a proposal, (N,).
 
     The weights are tempered: raised to a power at which enough draws are effective.

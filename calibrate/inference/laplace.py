@@ -23,7 +23,7 @@ REFINED = 8
 
 
 class Optima(NamedTuple):
-    """The optima of a fit as a proposal."""
+    """The optima of a fit as components of a proposal."""
 
     proposal: Proposal
     """Mixture with a component for each optimum that is not left out, the best first."""
@@ -43,7 +43,7 @@ def approximated(fit: Fit, density: Density) -> Optima:
     best = Point(fit.optima[0].loss, np.log(fit.values), fit.jacobian, fit.residuals)
     centres, curved, losses, lost = [best.logs], [information(fit)], [best.loss], 0
     for optimum in fit.optima[1:]:
-        end = _refined(fit, np.log(optimum.values), 0 if optimum.finished else REFINED)
+        end = _refine(fit, np.log(optimum.values), 0 if optimum.finished else REFINED)
         if not end.finite or not (optimum.finished or is_settled(end, fit.box)):
             lost += 1
             continue
@@ -62,7 +62,7 @@ def approximated(fit: Fit, density: Density) -> Optima:
     return Optima(proposal, weights, lost)
 
 
-def _refined(fit: Fit, logs: np.ndarray, steps: int) -> Point:
+def _refine(fit: Fit, logs: np.ndarray, steps: int) -> Point:
     """The optimum of the model near logarithms, (P,)."""
 
     def at(places: list[np.ndarray]) -> list[Point]:

@@ -79,7 +79,7 @@ def sample(
     positions = np.linalg.solve(root, (first - best).T).T
     with randomness.ordered():
         sampler = Sampler(at, positions, seed=seed, warm_up=WARM_UP, draws=samples, home=home)
-        piece = _drawn(sampler, work, progress)
+        piece = _run_chains(sampler, work, progress)
     logs = best + piece.positions[:, WARM_UP:] @ root.T
     divergences = int(piece.divergent[:, WARM_UP:].sum())
     return Drawn(logs, divergences, _separated(optima, logs))
@@ -117,7 +117,7 @@ def _separated(optima: Optima, logs: np.ndarray) -> bool:
     return bool(missing) or (len(reached) > 1 and all(len(visited) == 1 for visited in about))
 
 
-def _drawn(sampler: Sampler, work: Checkpoint | None, progress: bool) -> Piece:
+def _run_chains(sampler: Sampler, work: Checkpoint | None, progress: bool) -> Piece:
     """All steps of the chains, stored and new."""
     stored = None if work is None else work.sequence("chains")
     earlier, last_state = ([], None) if stored is None else stored.resumed()
@@ -134,11 +134,11 @@ def _drawn(sampler: Sampler, work: Checkpoint | None, progress: bool) -> Piece:
             bar.update(piece.positions.shape[1])
             unstored.append(piece)
             if stored is not None and (done % MOST == 0 or done == sampler.length):
-                joined = _joined(unstored)
+                joined = _concatenated(unstored)
                 stored.append(joined._asdict(), arrays(state))
                 pieces, unstored = [*pieces, joined], []
-    return _joined([*pieces, *unstored])
+    return _concatenated([*pieces, *unstored])
 
 
-def _joined(pieces: list[Piece]) -> Piece:
+def _concatenated(pieces: list[Piece]) -> Piece:
     return Piece(*(np.concatenate(arrays, axis=1) for arrays in zip(*pieces, strict=True)))

@@ -172,15 +172,15 @@ def posterior(
             information=information(fit),
         )
         if (done := stored.load("samples")) is not None:
-            return _of_arrays(fit, *done)
+            return _from_arrays(fit, *done)
     with stoppable(), relaxed_promotion():
         optima = approximated(fit, density)
         with ModelRuns(density, stored, progress, importance.FIRST) as runs:
             work = _Work(fit, density, optima, runs, seed, samples, stored, progress)
-            arrays, scalars = _sampled(work, method)
+            arrays, scalars = _sample(work, method)
     if stored is not None:
         stored.save("samples", arrays, scalars)
-    return _of_arrays(fit, arrays, scalars)
+    return _from_arrays(fit, arrays, scalars)
 
 
 class _Work(NamedTuple):
@@ -205,7 +205,7 @@ Fields = tuple[dict[str, np.ndarray], dict[str, Any]]
 """Fields of a posterior: the arrays, and all others."""
 
 
-def _sampled(work: _Work, method: str | None) -> Fields:
+def _sample(work: _Work, method: str | None) -> Fields:
     """Fields of a posterior, by importance sampling if that is requested or enough, or NUTS."""
     if method == NUTS:
         return _by_nuts(work, np.nan)
@@ -266,7 +266,7 @@ def _ends_early(work: _Work, logs: np.ndarray, weights: np.ndarray | None = None
     return [f"the posterior goes on beyond the samples of {', '.join(names)}"] * bool(names)
 
 
-def _of_arrays(fit: Fit, arrays: dict[str, np.ndarray], scalars: dict[str, Any]) -> Posterior:
+def _from_arrays(fit: Fit, arrays: dict[str, np.ndarray], scalars: dict[str, Any]) -> Posterior:
     """A posterior from its fields, stored or new."""
     k = float(arrays["pareto_k"])
     scalars = scalars | {"faults": tuple(scalars["faults"]), "pareto_k": None if np.isnan(k) else k}

@@ -44,7 +44,7 @@ def without_negligible(exponents: np.ndarray) -> np.ndarray:
 
 
 def simplest_basis(basis: np.ndarray) -> np.ndarray:
-    """The basis of the same space with most zeros and simple numbers (reduced row echelon form)."""
+    """The basis of a space with most zeros and simplest numbers (reduced row echelon form)."""
     rows = np.array(basis, float)
     done = 0
     for column in range(rows.shape[1]):

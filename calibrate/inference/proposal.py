@@ -57,7 +57,7 @@ class Proposal(NamedTuple):
         return self._joint(logs).argmax(axis=1)
 
     def with_tails_of(self, first: "Proposal") -> "Proposal":
-        """This mixture with a share of another, widened one: it reveals regions not covered."""
+        """This mixture with a share of another, widened one, which reveals uncovered regions."""
         return Proposal(
             np.concatenate([(1.0 - IN_TAILS) * self.shares, IN_TAILS * first.shares]),
             np.concatenate([self.centres, first.centres]),

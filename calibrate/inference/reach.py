@@ -37,14 +37,14 @@ def ends_early(
         name
         for place, name in enumerate(fit.names)
         if any(
-            _largest(fit, density, place, middle + sign * offset) > enough
+            _largest_log_density(fit, density, place, middle + sign * offset) > enough
             for offset in [BEYOND * covariance[place] / np.sqrt(covariance[place, place])]
             for sign in (-1.0, 1.0)
         )
     )
 
 
-def _largest(fit: Fit, density: Density, place: int, logs: np.ndarray) -> float:
+def _largest_log_density(fit: Fit, density: Density, place: int, logs: np.ndarray) -> float:
     """Largest log-density with one value held; minus infinity if that value is out of bounds."""
     held_value, largest = logs[place], -np.inf
     free = np.arange(logs.size) != place

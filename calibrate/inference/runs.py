@@ -34,7 +34,7 @@ class RunsTest(NamedTuple):
 def runs_tests(problem: Problem, fit: Fit) -> list[RunsTest]:
     """The runs test of each file whose readings have no stated error."""
     if isinstance(problem.experiment, SimulatedExperiment):
-        return _of_simulator(problem.experiment, fit)
+        return _simulator_test(problem.experiment, fit)
     return [
         _test(sample.name, observable, fit.residuals[of_sample][places])
         for sample, of_sample in problem.experiment.by_sample()
@@ -42,7 +42,7 @@ def runs_tests(problem: Problem, fit: Fit) -> list[RunsTest]:
     ]
 
 
-def _of_simulator(experiment: SimulatedExperiment, fit: Fit) -> list[RunsTest]:
+def _simulator_test(experiment: SimulatedExperiment, fit: Fit) -> list[RunsTest]:
     """The runs test of a simulator's readings, if they have an order and no stated error."""
     simulator = experiment.simulator
     if experiment.errors == "stated" or simulator.labels is not None:

@@ -1,4 +1,4 @@
-"""Bounds of what is fitted, in logarithms."""
+"""Bounds of the fitted values, in logarithms."""
 
 from typing import NamedTuple
 
@@ -12,7 +12,7 @@ class Bounds(NamedTuple):
     upper: np.ndarray
 
     def clip(self, logs: np.ndarray) -> np.ndarray:
-        """The nearest within the bounds."""
+        """The nearest logarithms within the bounds."""
         return np.clip(logs, self.lower, self.upper)
 
 

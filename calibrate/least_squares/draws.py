@@ -1,4 +1,4 @@
-"""Starts drawn evenly over what is believed and possible: Sobol's points through the priors."""
+"""Starts of searches, spread evenly over the priors and within the bounds, by Sobol's points."""
 
 import math
 
@@ -9,23 +9,24 @@ from scipy.stats import qmc
 from calibrate.least_squares.bounds import Bounds
 
 SPREAD = math.pi / math.sqrt(3.0)
-"""Standard deviation of starts in each logarithm where no prior says: a factor of 6, and that of
-log-odds whose share is uniform."""
+"""Standard deviation of the starts in a logarithm without a prior: a factor of 6, and that of the
+log-odds of a uniform share."""
 
 WIDER = 2.0
-"""Times the priors' widths that are searched: data may say what a prior holds unlikely."""
+"""Width of the starts over that of the priors: the data may favour values that a prior
+disfavours."""
 
 
 def draw(middle: np.ndarray, spread: np.ndarray, box: Bounds, number: int, seed: int) -> np.ndarray:
-    """Logarithms, normal and cut off at the bounds, without clusters and gaps; (S, P).
+    """Draws logarithms from normal distributions cut off at the bounds, evenly spread; (S, P).
 
-    They are `WIDER` than the spread.
+    Their standard deviations are `WIDER` times the given ones.
 
     Args:
-      middle, spread: of each, (P,).
-      box: the bounds.
-      number: S.
-      seed: of the scrambled points.
+      middle, spread: median and standard deviation of each logarithm, (P,).
+      box: bounds of the logarithms.
+      number: number of draws, S.
+      seed: seed of the scrambled points.
     """
     points = qmc.Sobol(middle.size, seed=np.random.default_rng(seed))
     even = points.random_base2(math.ceil(math.log2(max(number, 1))))[:number]

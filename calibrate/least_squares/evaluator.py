@@ -1,4 +1,4 @@
-"""The model as all stages of a fit ask it, and their common progress bar."""
+"""Evaluation of the model for all stages of a fit, with their common progress bar."""
 
 from typing import NamedTuple
 
@@ -24,7 +24,7 @@ class Evaluator(NamedTuple):
         return Point(half_square(value), logs, jacobian, value)
 
     def tell(self, stage: str, loss: float) -> None:
-        """Shows one more iteration, and how good the best so far is."""
+        """Shows one more iteration, with the best chi-squared so far."""
         self.bar.set_description_str(stage, refresh=False)
         self.bar.set_postfix_str(f"chi-squared {2.0 * loss:.6g}", refresh=False)
         self.bar.update()
@@ -41,12 +41,12 @@ def progress_bar(progress: bool) -> tqdm:
 
 
 def half_square(value: np.ndarray) -> float:
-    """Half the sum of squares, infinite where it is not a number."""
+    """Half the sum of squares; infinite if it is not a number."""
     with np.errstate(over="ignore", invalid="ignore"):
         loss = 0.5 * float(value @ value)
     return loss if np.isfinite(loss) else np.inf
 
 
 def finite(*arrays: np.ndarray) -> bool:
-    """True if all arrays hold numbers alone."""
+    """True if all numbers of all arrays are finite."""
     return all(bool(np.isfinite(array).all()) for array in arrays)

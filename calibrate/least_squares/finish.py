@@ -1,4 +1,4 @@
-"""The second-order finish of a fit, and whether it has converged."""
+"""The second-order finish of a fit, and the test of its convergence."""
 
 import numpy as np
 
@@ -12,22 +12,26 @@ CONVERGED_BELOW = 1e-4
 0.01 standard deviations. A smooth model ends far below it, one with kinks may not."""
 
 SETTLED_BELOW = 0.1
-"""The same, below which an end is an optimum that is told beside a better one: 0.3 standard
+"""Expected gain below which an end is an optimum, to be reported beside a better one: 0.3 standard
 deviations."""
 
 
 def is_settled(end: Point, box: Bounds) -> bool:
-    """True if another Gauss-Newton step promises nothing that could matter."""
+    """True if another Gauss-Newton step would gain too little to matter."""
     return abs(levenberg.step(end, box)[1]) < SETTLED_BELOW
 
 
 def is_converged(end: Point, box: Bounds) -> bool:
-    """True if another Gauss-Newton step promises nothing measurable."""
+    """True if another Gauss-Newton step would gain nothing measurable."""
     return abs(levenberg.step(end, box)[1]) < CONVERGED_BELOW
 
 
 def finish(evaluator: Evaluator, logs: np.ndarray, most_steps: int) -> tuple[Point, int]:
-    """Levenberg-Marquardt from logarithms, (P,); the end and the runs."""
+    """Runs Levenberg-Marquardt from logarithms, (P,).
+
+    Returns:
+      its end, and the number of model runs.
+    """
     first = evaluator.at(logs)
     best = first.loss
 

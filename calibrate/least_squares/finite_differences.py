@@ -1,8 +1,9 @@
-"""Residuals that JAX cannot trace: called with numbers, their slopes by central differences.
+"""Residuals that JAX cannot trace: they are called with numbers, and slopes are differences.
 
-A slope over a step h in the logarithm has the error eps / h of the rounding or noise eps of the
-residuals, and h^2 / 6 times their third derivative. Where h is not stated, slopes are taken with
-steps of several sizes, and that between the two whose slopes differ least is kept.
+A slope over a step h in the logarithm has two errors: eps / h for rounding or noise eps of the
+residuals, and h^2 / 6 times their third derivative, since differences are central. If h is not
+stated, slopes are computed with several trial steps. The step that is used lies between the two
+whose slopes differ least.
 """
 
 import itertools
@@ -21,28 +22,28 @@ from mrjax import InputError
 SMALLEST = float(np.finfo(float).eps ** (1.0 / 3.0))
 """Step in the logarithm for residuals that are exact to rounding."""
 FACTOR = 16.0
-"""Ratio of one step that is tried to the one before."""
+"""Ratio of a trial step to the one before."""
 TRIED = SMALLEST * FACTOR ** np.arange(5)
-"""Steps that are tried: from 6e-6 to 0.4, a factor of 1.5."""
+"""Trial steps: from 6e-6 to 0.4, a factor of 1.5."""
 UNRELIABLE = 0.1
-"""Share by which slopes may change with the step."""
+"""Largest relative change of slopes with the step."""
 UNKNOWN = 10.0
-"""Standard error of a logarithm that slopes must be able to tell to matter."""
+"""Standard error of a logarithm above which its slopes are too small to matter."""
 
 
 class Slopes(NamedTuple):
     """Slopes by differences: their steps, and how far they are to be trusted."""
 
     steps: np.ndarray
-    """In each logarithm, (P,)."""
+    """Step in each logarithm, (P,)."""
     size: np.ndarray
     """Norm of the slopes of all residuals at the end of a fit, (P,)."""
     uncertainty: np.ndarray
     """Norm of their change with steps twice as long, (P,)."""
     calls: int
-    """Calls of the residuals."""
+    """Number of calls of the residuals."""
     failures: int
-    """Calls that raised, or gave what is no number."""
+    """Number of calls that raised, or gave numbers that are not finite."""
 
     @property
     def unreliable(self) -> np.ndarray:
@@ -54,10 +55,10 @@ class FiniteDifferences:
     """Residuals in standard deviations and their Jacobian, without tracing.
 
     Args:
-      residuals: as for `fit`, of numbers.
-      unknown: what is fitted.
+      residuals: as for `fit`, called with numbers.
+      unknown: the fitted values.
       robust: as for `fit`.
-      step: in each logarithm; None to choose it.
+      step: step in each logarithm; None to choose it.
     """
 
     def __init__(
@@ -71,7 +72,7 @@ class FiniteDifferences:
         self._held = np.array(unknown.with_prior, int)
         self._count: int | None = None
         self.steps = np.full(unknown.values.size, np.nan if step is None else step)
-        """Step in each logarithm, (P,); not a number until it is chosen."""
+        """Step in each logarithm, (P,); NaN until it is chosen."""
         self._calls = self._failures = 0
 
     @property
@@ -80,7 +81,7 @@ class FiniteDifferences:
         return Programs(self.everything, self.everything, self.linearised, traced=False)
 
     def everything(self, logs: ArrayLike, given: Given) -> Any:
-        """Residuals and priors, (M + K,), at logarithms, (P,); no numbers where the call fails."""
+        """Residuals and priors, (M + K,), at logarithms, (P,); NaN if the call fails."""
         if isinstance(logs, jax.core.Tracer):
             raise InputError(
                 "these residuals are called with numbers, not traced, so that JAX has no gradient "
@@ -88,12 +89,12 @@ class FiniteDifferences:
             )
         logs = np.asarray(logs, float)
         priors = given.weight * (logs[self._held] - given.median)
-        return np.concatenate([self._of_measurements(logs, given), priors])
+        return np.concatenate([self._measurement_residuals(logs, given), priors])
 
     def linearised(self, logs: ArrayLike, given: Given) -> Any:
         """Jacobian, (M + K, P), and residuals with priors, (M + K,)."""
         logs = np.asarray(logs, float)
-        self.choose_steps(logs, given)  # where it is called first
+        self.choose_steps(logs, given)  # at the first call
         value = self.everything(logs, given)
         of_priors = np.zeros((self._held.size, logs.size))
         of_priors[np.arange(self._held.size), self._held] = given.weight
@@ -101,36 +102,36 @@ class FiniteDifferences:
         return np.vstack([self._slopes(logs, given, here, self.steps), of_priors]), value
 
     def choose_steps(self, logs: np.ndarray, given: Given) -> None:
-        """Chooses the steps that are not known, by slopes at logarithms, (P,)."""
+        """Chooses the steps that are not stated, by slopes at logarithms, (P,)."""
         if np.isfinite(self.steps).all():
             return
-        here = self._of_measurements(logs, given)
+        here = self._measurement_residuals(logs, given)
         if not np.isfinite(here).all():
             return
         slopes = [self._slopes(logs, given, here, np.full(logs.size, step)) for step in TRIED]
-        change = np.array([_size(after - before) for before, after in itertools.pairwise(slopes)])
+        change = np.array([_norms(after - before) for before, after in itertools.pairwise(slopes)])
         # Residuals that are rounded coarsely do not change at all over small steps.
-        flat = np.array([_size(slope) == 0.0 for slope in slopes])
+        flat = np.array([_norms(slope) == 0.0 for slope in slopes])
         change[flat[:-1] & flat[1:]] = np.inf
         best = np.argmin(np.where(np.isnan(change), np.inf, change), axis=0)
         best = np.where(flat.all(axis=0), 0, best)
         self.steps = np.where(np.isnan(self.steps), TRIED[best] * FACTOR**0.5, self.steps)
 
     def slopes_at(self, logs: np.ndarray, given: Given) -> Slopes:
-        """The record of slopes where a fit ends, at logarithms, (P,)."""
-        here = self._of_measurements(logs, given)
+        """The record of slopes at the end of a fit, at logarithms, (P,)."""
+        here = self._measurement_residuals(logs, given)
         once, twice = (self._slopes(logs, given, here, size * self.steps) for size in (1.0, 2.0))
-        return Slopes(self.steps, _size(once), _size(twice - once), self._calls, self._failures)
+        return Slopes(self.steps, _norms(once), _norms(twice - once), self._calls, self._failures)
 
     def _slopes(
         self, logs: np.ndarray, given: Given, here: np.ndarray, steps: np.ndarray
     ) -> np.ndarray:
-        """Derivatives of residuals, (M, P), of one side where the call to the other fails.
+        """Derivatives of residuals, (M, P); one-sided if the call on the other side fails.
 
         Args:
-          logs, given: where.
+          logs, given: logarithms, (P,), and the arguments beside them.
           here: residuals there, (M,).
-          steps: in each logarithm, (P,).
+          steps: step in each logarithm, (P,).
         """
         columns = np.full((here.size, logs.size), np.nan)
         if not np.isfinite(here).all():
@@ -141,7 +142,7 @@ class FiniteDifferences:
                 end = logs.copy()
                 end[place] += way * step
                 end = self._unknown.box.clip(end)
-                value = self._of_measurements(end, given)
+                value = self._measurement_residuals(end, given)
                 failed = not np.isfinite(value).all()
                 values.append(here if failed else value)
                 ends.append(logs[place] if failed else end[place])
@@ -149,21 +150,21 @@ class FiniteDifferences:
                 columns[:, place] = (values[1] - values[0]) / (ends[1] - ends[0])
         return columns
 
-    def _of_measurements(self, logs: np.ndarray, given: Given) -> np.ndarray:
-        """Residuals of the measurements, (M,), not numbers where the call fails.
+    def _measurement_residuals(self, logs: np.ndarray, given: Given) -> np.ndarray:
+        """Residuals of the measurements, (M,); NaN if the call fails.
 
         Raises:
-          InputError: the first call fails, or the residuals are no vector of one size.
+          InputError: the first call fails, or the residuals are no vector of constant size.
         """
         raise_if_stopped()
         try:
-            vector = self._called(logs, given)
+            vector = self._call(logs, given)
         except Exception as error:
             self._failures += 1
             if self._count is None:
                 raise InputError(
-                    f"residuals: raise {type(error).__name__} at the start: {error}; begin where "
-                    "they can be had"
+                    f"residuals: raise {type(error).__name__} at the start: {error}; give a start "
+                    "where they do not"
                 ) from error
             return np.full(self._count, np.nan)
         if self._count is None:
@@ -176,7 +177,7 @@ class FiniteDifferences:
         self._failures += not np.isfinite(vector).all()
         return vector
 
-    def _called(self, logs: np.ndarray, given: Given) -> np.ndarray:
+    def _call(self, logs: np.ndarray, given: Given) -> np.ndarray:
         self._calls += 1
         with np.errstate(all="ignore"):
             theta = jax.tree.map(_number, self._unknown.tree(np.exp(logs)))
@@ -188,10 +189,10 @@ class FiniteDifferences:
 
 
 def _number(leaf: np.ndarray) -> Any:
-    """A number of an array without axes; other arrays as they are."""
+    """The number in an array without axes; other arrays as they are."""
     return leaf[()]
 
 
-def _size(columns: np.ndarray) -> np.ndarray:
+def _norms(columns: np.ndarray) -> np.ndarray:
     """Euclidean norm of each column, (P,)."""
     return np.asarray(np.linalg.norm(columns, axis=0))

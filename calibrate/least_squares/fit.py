@@ -1,11 +1,11 @@
-"""A search by optax and a second-order finish, over any residuals of positive quantities.
+"""The fit: a search by optax and a second-order finish, for any residuals of positive quantities.
 
-Knows nothing of the physics: `residuals` maps a pytree of positive numbers to a vector of
-(prediction - measurement) / standard deviation. All work is done in logarithms, where a product of
-factors is a sum and a log-normal prior one more residual. The search finds the valley; error bars
-and the last digits need the Levenberg-Marquardt finish. All but the forward model is arithmetic on
-a few numbers and left to numpy: one compiled program, Jacobian and residuals, serves throughout,
-and between two calls of it Python answers Ctrl-C.
+The fit knows no physics: `residuals` maps a pytree of positive numbers to a vector of
+(prediction - measurement) / standard deviation. All work is done in logarithms. There a product of
+factors is a sum, and a log-normal prior is one more residual. The search finds the valley. Standard
+errors and the last digits need the Levenberg-Marquardt finish. Only the model is compiled, as one
+program for residuals and Jacobian; the rest is arithmetic of numpy on a few numbers. Python answers
+Ctrl-C between two calls of the program.
 """
 
 from collections.abc import Callable, Sequence
@@ -45,7 +45,7 @@ from mrjax.core.promotion import relaxed_promotion
 from mrjax.io.checkpoint import Checkpoint, refuse_foreign
 
 RECALLED = 4
-"""Results of the model that are kept for each start."""
+"""Results of the model in memory, for each start."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Fit:
     residuals: np.ndarray
     """Residuals of the M measurements, in standard deviations, (M,)."""
     jacobian: np.ndarray
-    """Derivative of those with respect to the logarithms of the values, (M, P)."""
+    """Derivatives of the residuals with respect to the logarithms of the values, (M, P)."""
     prior_precision: np.ndarray
     """1 / log_standard_deviation^2 of each prior, 0 without one, (P,)."""
     loss: np.ndarray
@@ -71,24 +71,25 @@ class Fit:
     on_a_kink: bool
     """True if slopes jump at the optimum: the Jacobian here is then that of one side."""
     model_runs: int
-    """Evaluations of the residuals, each with their Jacobian or alone."""
+    """Number of evaluations of the residuals, with or without their Jacobian."""
     everything: Callable[[ArrayLike, Any], Array]
-    """Residuals of measurements and priors, (M + K,), for logarithms of the values, (P,), and
-    `given`."""
+    """Function from logarithms of the values, (P,), and `given` to the residuals of measurements
+    and priors, (M + K,)."""
     linearised: Callable[[ArrayLike, Any], tuple[Array, Array]]
-    """Their Jacobian and they themselves, of the same; compiled."""
+    """Compiled function of the same arguments to the Jacobian, (M + K, P), and the residuals."""
     given: Any
-    """Data and priors, as both take them."""
+    """Data and priors, as both functions take them."""
     robust: float | None = None
-    """Standard deviations beyond which residuals count linearly; those here are as they count."""
+    """Standard deviations beyond which residuals count linearly; None if all are squared. Residuals
+    and Jacobian here are those that count."""
     optima: tuple[Optimum, ...] = ()
     """All optima that were found, this fit first."""
     places: int = 1
-    """Places from which an optimum was looked for."""
+    """Number of points from which an optimum was searched."""
     box: Bounds = Bounds(np.array(-np.inf), np.array(np.inf))
     """Bounds of the logarithms, (P,)."""
     slopes: Slopes | None = None
-    """How slopes were taken by differences; None where JAX gives them."""
+    """Record of slopes by finite differences; None if JAX gives them."""
 
     def at(self, logs: np.ndarray) -> Point:
         """Residuals and slopes, priors included, at logarithms of the values, (P,)."""
@@ -102,7 +103,7 @@ class Fit:
 
     @property
     def other_optima(self) -> tuple[tuple[float, np.ndarray], ...]:
-        """Half the sum of squares and the values, (P,), of all optima but this."""
+        """Half the sum of squares and the values, (P,), of all optima but this fit."""
         return tuple((optimum.loss, optimum.values) for optimum in self.optima[1:])
 
 
@@ -125,36 +126,37 @@ def fit(
     progress: bool = False,
     checkpoint: str | Path | None = None,
 ) -> Fit:
-    """Least squares with log-normal priors.
+    """Fits positive values by least squares with log-normal priors.
 
-    What neither residuals nor priors tell of stays where it began: every step is the shortest.
+    Every step is the shortest that fits. So a value stays at its start if neither residuals nor
+    priors determine it.
 
     Args:
-      residuals: from a pytree like `start` to a vector (M,), in standard deviations. Traced by
-        `jit` and differentiated forwards.
+      residuals: function from a pytree like `start` to a vector (M,), in standard deviations. It is
+        traced by `jit` and differentiated in forward mode.
       start: a pytree of positive numbers, such as {"f_w": 49.0, "f_s": 1.1}.
-      data: arrays that `residuals` takes as its second argument; left out, it takes none. Fits to
+      data: second argument of `residuals`, a pytree of arrays; by default there is none. Fits to
         other data of the same shapes share their compiled programs.
-      priors: by name, where there are any.
-      bounds: least and greatest value by name, where there are any: 0 and infinity are none.
-      optimizer: of the search, over the logarithms; left out, `optax.adam(0.3)`.
-      starts: searches side by side, the first from `start`, the others drawn from the priors, or
-        about it without one; the best is kept, and all optima are told.
-      also: pytrees like `start`, from which searches begin, too, one after another.
-      seed: of those others.
+      priors: priors by name.
+      bounds: smallest and largest value by name; 0 and infinity are no bounds.
+      optimizer: optax optimizer of the search, over the logarithms; by default `optax.adam(0.3)`.
+      starts: number of searches side by side: the first from `start`, the others drawn from the
+        priors, or about `start` without a prior. The best is kept, and all optima are reported.
+      also: further pytrees like `start` from which searches begin, one after another.
+      seed: seed of the drawn starts.
       robust: residuals beyond this many standard deviations count linearly, not squared
-        (pseudo-Huber); left out, all are squared.
+        (pseudo-Huber); by default all are squared.
       differentiable: False for residuals that JAX cannot trace, such as those of numpy or of
-        another program. They are called with numbers, and their slopes are central differences;
-        where they raise or give what is no number, the search turns back.
-      step: of those differences, in each logarithm; left out, it is chosen at the start.
-      search_steps: most steps of the search; it ends, or is left out, as soon as Gauss-Newton steps
-        are to be trusted.
+        another program. They are called with numbers, and their slopes are central differences. The
+        search turns back where they raise or are not finite.
+      step: step of those differences in each logarithm; by default it is chosen at the start.
+      search_steps: most steps of the search, which ends as soon as Gauss-Newton steps can be
+        trusted; that may be at once.
       finish_steps: most steps of Levenberg-Marquardt.
       progress: whether to show iterations and chi-squared, on standard error.
-      checkpoint: folder that keeps what the residuals gave. Called again with it and the same
-        arguments, on the same machine, the fit goes on, and ends with the same bits; so do
-        profiles of it. It stays until it is removed.
+      checkpoint: folder that stores the results of the residuals. A later call with the same
+        arguments, on the same machine, goes on from there, and gives the same bits; so do profiles
+        of the fit. The folder stays until it is removed.
 
     Returns:
       a Fit; look at `converged` before using it.
@@ -182,7 +184,7 @@ def fit(
     all_starts = np.vstack([unknown.starts(starts, seed), *further])
     with stoppable(), relaxed_promotion(), progress_bar(progress) as bar:
         count = count_residuals(programs, all_starts[0], given) - len(unknown.with_prior)
-        keeping = _keeping(
+        keeping = _storage(
             checkpoint,
             start=dict(zip(unknown.names, unknown.values, strict=True)),
             priors=priors,
@@ -194,16 +196,16 @@ def fit(
             finish_steps=finish_steps,
             step=step,
             data=jax.tree.leaves(data),
-            # What no other fit has in common with this one.
+            # These tell this fit from all others.
             residuals_at_the_start=lambda: programs.linearised(all_starts[0], given)[1],
         )
         jacobian = recalled(keeping("jacobian", programs.linearised), RECALLED * len(all_starts))
         storing = Programs(programs.traceable, keeping("residuals", programs.everything), jacobian)
         together = len(all_starts) if starts > 1 and differentiable else 1
-        linear = _linear(programs, storing, given, together, keeping)
+        linear = _linearise_all(programs, storing, given, together, keeping)
         evaluator = Evaluator(storing, given, unknown.box, bar)
         searched = search(programs, evaluator, all_starts, linear, optimizer, search_steps)
-        end = _end(evaluator, _with_what_was_left(evaluator, searched), all_starts[0], finish_steps)
+        end = _end(evaluator, _with_better_points(evaluator, searched), all_starts[0], finish_steps)
     return Fit(
         **_at_the_end(end, unknown, count, searched.losses),
         model_runs=searched.runs + end.model_runs,
@@ -216,17 +218,18 @@ def fit(
     )
 
 
-def _linear(
+def _linearise_all(
     programs: Programs, storing: Programs, given: Any, together: int, keeping: Callable
 ) -> Callable:
-    """Jacobians and residuals of all searches, at logarithms, (S, P).
+    """Function from logarithms of all searches, (S, P), to their Jacobians and residuals.
 
     Args:
-      programs: those of the fit.
+      programs: the programs of the fit.
       storing: the same programs, with their results stored.
-      given: beside the logarithms; by name, data would be another call to JAX, and compiled again.
-      together: searches side by side, by one program; 1 for one after another.
-      keeping: stores the results of a program under a label.
+      given: arguments beside the logarithms. They are passed by position: JAX would compile again
+        for keywords.
+      together: number of searches that one program runs side by side; 1 to run them in turn.
+      keeping: function that stores the results of a program under a label.
     """
     if together == 1:
         return one_by_one(lambda logs: storing.linearised(logs, given))
@@ -236,39 +239,39 @@ def _linear(
 
 
 class _End(NamedTuple):
-    """The ends of all starts."""
+    """The result of all searches."""
 
     best: Point
     others: list[Point]
-    """Different optima."""
+    """Ends at other optima."""
     converged: bool
     on_a_kink: bool
     model_runs: int
 
     def optima(self, count: int) -> tuple[Optimum, ...]:
-        """All of them; the first `count` residuals are of measurements."""
+        """All optima; the first `count` residuals are those of measurements."""
         return tuple(optimum(end, count) for end in (self.best, *self.others))
 
 
-def _with_what_was_left(evaluator: Evaluator, searched: Searched) -> np.ndarray:
-    """Ends of searches, (S, P), and the places on their way that are better than these.
+def _with_better_points(evaluator: Evaluator, searched: Searched) -> np.ndarray:
+    """Ends of the searches, (S, P), and points that they met before and that are better.
 
-    Rounding hides what a step promises at an optimum, and a search goes on from there.
+    At an optimum rounding hides the expected gain of a step, so that a search may leave it.
     """
-    better_places = [
+    better_points = [
         best
         for end, best, least in zip(searched.ends, searched.best, searched.least, strict=True)
         if least < evaluator.at(end).loss
     ]
-    return np.vstack([searched.ends, *better_places])
+    return np.vstack([searched.ends, *better_points])
 
 
 def _end(evaluator: Evaluator, places: np.ndarray, start: np.ndarray, most_steps: int) -> _End:
-    """The best end of the searches, (S, P), without slopes where it is not converged with them."""
+    """The best end of the searches, (S, P), found without slopes if need be."""
     ends: list[Point] = []
     first_points, runs = sorted(map(evaluator.at, places), key=lambda end: end.loss), 0
     for end in first_points:
-        # What has settled and is worse stays so.
+        # A settled end that is worse than the best stays worse.
         settled = bool(ends) and is_settled(end, evaluator.box)
         if not settled or end.loss - 0.5 * SETTLED_BELOW < ends[0].loss:
             end, more_runs = finish(evaluator, end.logs, most_steps)
@@ -285,11 +288,11 @@ def _end(evaluator: Evaluator, places: np.ndarray, start: np.ndarray, most_steps
 
 
 def _at_the_end(end: _End, unknown: Unknowns, count: int, losses: list[float]) -> dict[str, Any]:
-    """The fields of a `Fit` at its end; its first `count` residuals are of measurements."""
+    """Fields of a `Fit` at its end; its first `count` residuals are those of measurements."""
     loss, logs, jacobian, value = end.best
     with np.errstate(over="ignore"):
         values = np.exp(logs)
-    # Where no prediction depends on anything, the end is an optimum of priors, if there are any.
+    # If no prediction depends on any value, the end is an optimum of the priors alone.
     informed = bool(np.any(jacobian[:count] != 0.0)) or bool((unknown.precision > 0.0).all())
     return {
         "theta": unknown.tree(values),
@@ -306,15 +309,15 @@ def _at_the_end(end: _End, unknown: Unknowns, count: int, losses: list[float]) -
     }
 
 
-def _keeping(
+def _storage(
     checkpoint: str | Path | None, residuals_at_the_start: Callable[[], Array], **work: Any
 ) -> Callable[[str, Callable], Callable]:
-    """A wrapper that stores the results of a program under a label; none without a checkpoint.
+    """A wrapper that stores results of a program under a label; none without a checkpoint.
 
     Args:
       checkpoint: the folder.
-      residuals_at_the_start: asked for where there is one.
-      work: what tells this fit from another.
+      residuals_at_the_start: function that gives them; it is called only with a checkpoint.
+      work: arguments that tell this fit from others.
     """
     if checkpoint is None:
         return lambda _, function: function

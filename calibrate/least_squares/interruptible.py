@@ -1,7 +1,7 @@
-"""Ctrl-C during a fit: it ends at the next place where that is safe, while or after the model runs.
+"""Ctrl-C during a fit: the fit ends at the next safe point, while or after the model runs.
 
-Python answers a signal between two of its own steps: a call that waits within XLA holds it off
-until the program ends. One that looks whether the result is there, and sleeps, does not.
+Python answers a signal only between two of its own steps. A call that waits within XLA delays the
+answer until the program ends. A loop that checks for the result and sleeps does not.
 """
 
 import threading
@@ -15,21 +15,21 @@ import jax
 from mrjax.core.interruption import Stop, interruptible
 
 BRIEF = 5e-3
-"""Wait, s, during which nobody sleeps: many models take no longer."""
+"""Time of checking without sleep, s: many models take no longer."""
 LONGEST_SLEEP, SHARE = 0.05, 0.005
-"""Between two looks: s, and of the time waited so far, by which the wait may be too long."""
+"""Limits of the sleep between two checks: in s, and as a share of the time waited so far."""
 
 _NEVER = Stop()
 _stop = _NEVER
-"""Of the outermost piece of work that goes on."""
+"""Request to stop the outermost piece of work."""
 
 
 @contextmanager
 def stoppable() -> Iterator[None]:
-    """A piece of work that Ctrl-C ends where it looks whether to stop; a second one, at once.
+    """A context for work that Ctrl-C ends at its next check; a second Ctrl-C ends it at once.
 
-    Leaves Ctrl-C alone outside the main thread, which no signal reaches, and within other such
-    work.
+    It changes nothing outside the main thread, which no signal reaches, and within another such
+    context.
 
     Raises:
       KeyboardInterrupt: Ctrl-C came.
@@ -56,7 +56,7 @@ def raise_if_stopped() -> None:
 
 
 def wait_for(result: Any) -> Any:
-    """Returns the arrays when all are there; Ctrl-C ends the wait, and traced ones need none."""
+    """Waits for arrays, and returns them; Ctrl-C ends the wait. Traced arrays need no wait."""
     began = time.perf_counter()
     leaves: list[Any] = jax.tree.leaves(result)
     for leaf in leaves:
@@ -69,7 +69,7 @@ def wait_for(result: Any) -> Any:
 
 
 def watched(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A compiled function that is waited for so that Ctrl-C ends the wait."""
+    """Wraps a compiled function so that Ctrl-C ends the wait for its result."""
 
     def watching(*arguments: Any) -> Any:
         return wait_for(function(*arguments))

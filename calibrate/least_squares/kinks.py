@@ -1,4 +1,4 @@
-"""Optima where slopes jump: found by a simplex, and told from smooth ones."""
+"""Optima on kinks, where slopes jump: found by a simplex, and distinguished from smooth optima."""
 
 from typing import Any
 
@@ -11,34 +11,38 @@ from calibrate.least_squares.finish import finish, is_converged
 from calibrate.least_squares.levenberg import Point
 
 FOUND_AGAIN_WITHIN = 1e-2
-"""What a second simplex may gain in chi-squared where the optimum is on a kink: 0.1 standard
+"""Largest gain in chi-squared of a second simplex at an optimum on a kink: 0.1 standard
 deviations."""
 
 SIMPLEX, SIMPLEX_ENDS = 0.5, 0.03
-"""Size of a simplex at first, and where it has found an optimum; standard errors."""
+"""Size of a simplex at its start and at its end, in standard errors."""
 
 MOST_FOR_EACH = 50
-"""Most runs of a simplex, for each value."""
+"""Most model runs of a simplex, for each value."""
 
 AGAIN = 10
-"""Most steps of Levenberg-Marquardt from where a simplex led: few from near a smooth optimum."""
+"""Most steps of Levenberg-Marquardt after a simplex; few are needed near a smooth optimum."""
 
 ASIDE = 0.3, 0.1
-"""Where slopes are compared; standard errors. Of a smooth model they differ by a third at a third
-of the distance."""
+"""Distances at which slopes are compared, in standard errors. Slopes of a smooth model differ by a
+third as much at a third of the distance."""
 
 JUMPS_FROM = 0.6
-"""Part of the change of slopes over the longer distance that is left over the shorter on a kink."""
+"""Ratio of the change of slopes over the shorter distance to that over the longer one, above which
+there is a kink."""
 
 LONGEST_ERROR = 7.0
-"""Size of a simplex in logarithms, at most."""
+"""Largest size of a simplex, in logarithms."""
 
 
 def without_slopes(evaluator: Evaluator, end: Point) -> tuple[Point, bool, int]:
-    """Nelder & Mead's simplex (scipy) in standard errors, from where slopes led no further.
+    """Runs Nelder & Mead's simplex (scipy) from an end that slopes do not improve.
 
-    Returns: the end; whether it is an optimum on a kink: a second simplex finds no better, slopes
-    lead nowhere from it, and differ to either side; and the runs.
+    An optimum is on a kink if a second simplex finds nothing better, slopes lead nowhere from it,
+    and slopes differ between its sides.
+
+    Returns:
+      the end, True if it is an optimum on a kink, and the number of model runs.
     """
     runs, agree = 0, False
     for number, size in enumerate((SIMPLEX, -SIMPLEX, SIMPLEX)):
@@ -82,10 +86,9 @@ def _simplex(evaluator: Evaluator, end: Point, size: float) -> tuple[OptimizeRes
 
 
 def _standard_error_steps(end: Point) -> np.ndarray:
-    """Steps of one standard error along all that the data or priors determine, (P, K).
+    """Steps of one standard error along all directions that data or priors determine, (P, K).
 
-    None is longer than a factor of a thousand: one of which next to nothing is known has an error
-    without end.
+    No step is longer than a factor of a thousand: an error may be almost infinite.
     """
     _, size, directions = np.linalg.svd(end.jacobian, full_matrices=False)
     seen = size > levenberg.resolved(end.jacobian) * size[0]
@@ -93,7 +96,10 @@ def _standard_error_steps(end: Point) -> np.ndarray:
 
 
 def _jumps(evaluator: Evaluator, end: Point) -> tuple[bool, int]:
-    """True if slopes jump near an end: a jump is as large over a shorter distance."""
+    """True if slopes jump near an end, and the number of model runs.
+
+    A jump is as large over a shorter distance; a smooth change is smaller.
+    """
     errors, changes = _standard_error_steps(end), []
     for step in ASIDE:
         sides = [

@@ -1,9 +1,9 @@
-"""Levenberg and Marquardt's method within bounds, by shortest steps.
+"""Levenberg and Marquardt's method within bounds, with the shortest steps.
 
-Least |r(x)|^2 by steps d that minimise |r + J d| within a ball about x, whose radius follows from
-how well the last step kept what it promised (More 1978). Of all such steps the shortest is taken:
-a direction along which J does not change is one of which the data say nothing, and x stays where
-it is along it. MINPACK takes any of them, and runs along what nothing bounds.
+It minimises |r(x)|^2 by steps d that minimise |r + J d| within a ball about x. The radius of the
+ball follows from the ratio of the actual to the expected decrease of the last step (More 1978). Of
+all such steps the shortest is taken. So x does not move along a direction on which r does not
+depend. MINPACK takes any of them, and runs off along such directions.
 """
 
 from collections.abc import Callable, Generator
@@ -16,28 +16,28 @@ from scipy.optimize import brentq
 from calibrate.least_squares.bounds import Bounds as Bounds
 
 LONGEST = 10.0
-"""A step at first; in logarithms, a factor of 22,000."""
+"""Largest first step, in logarithms: a factor of 22,000."""
 ACCEPTED, POOR, GOOD = 1e-4, 0.25, 0.75
-"""Of the decrease that a step promised: from where it is taken, below where the next is shorter,
-and above where it may be longer."""
+"""Ratios of the actual to the expected decrease of a step: above the first it is accepted, below
+the second the next step is shorter, above the third it may be longer."""
 DONE = 1e-8
-"""Promised decrease of the sum of squares after which there is nothing more to do: 1e-4 standard
-deviations, and far less behind a step that is taken."""
+"""Expected decrease of the sum of squares at which the descent ends: 1e-4 standard deviations, and
+far less after the last step."""
 SHORT = 0.1
-"""A step that is still taken for so little: a longer one would run along what nothing bounds."""
+"""Longest step that is taken for so little; a longer one would run off along a free direction."""
 
 
 class Point(NamedTuple):
-    """Residuals where they were asked for."""
+    """Residuals and slopes at a point."""
 
     loss: float
-    """Half the sum of squares, infinite where it is not a number."""
+    """Half the sum of squares; infinite if it is not a number."""
     logs: np.ndarray
-    """(P,)."""
+    """Logarithms of the values, (P,)."""
     jacobian: np.ndarray
-    """(M, P)."""
+    """Slopes of the residuals, (M, P)."""
     value: np.ndarray
-    """(M,)."""
+    """Residuals, (M,)."""
 
     @property
     def finite(self) -> bool:
@@ -46,9 +46,10 @@ class Point(NamedTuple):
 
 
 def step(point: Point, box: Bounds, radius: float = np.inf) -> tuple[np.ndarray, float]:
-    """The shortest step within a radius and the bounds, (P,), and what it promises.
+    """The shortest Gauss-Newton step within a radius and the bounds.
 
-    Returns: the step, and the decrease of the sum of squares where residuals are straight.
+    Returns:
+      the step, (P,), and the decrease of the sum of squares that it brings if residuals are linear.
     """
     if not point.finite:
         return np.zeros(point.logs.size), np.inf
@@ -63,7 +64,7 @@ def step(point: Point, box: Bounds, radius: float = np.inf) -> tuple[np.ndarray,
         beyond = free & (inside != change)
         if not beyond.any():
             break
-        # What would leave the bounds ends on them; the rest follows.
+        # Coordinates that would leave the bounds end on them; the others follow.
         change = inside
         free &= ~beyond
     change = box.clip(point.logs + change) - point.logs
@@ -72,12 +73,12 @@ def step(point: Point, box: Bounds, radius: float = np.inf) -> tuple[np.ndarray,
 
 
 def _shortest(jacobian: np.ndarray, value: np.ndarray, radius: float) -> np.ndarray:
-    """The step to the least |r + J d| with |d| within the radius, (P,)."""
+    """The shortest step d, (P,), that minimises |r + J d| within a radius."""
     left, size, right = np.linalg.svd(jacobian, full_matrices=False)
     if not size.any():
         return np.zeros(jacobian.shape[1])
     seen = size > resolved(jacobian) * size[0]
-    # Over the largest, so that squares of small slopes are numbers.
+    # Scaled by the largest one, so that squares of small slopes do not vanish.
     left, right, coordinates = left[:, seen], right[seen], -left[:, seen].T @ (value / size[0])
     size = size[seen] / size[0]
 
@@ -89,40 +90,40 @@ def _shortest(jacobian: np.ndarray, value: np.ndarray, radius: float) -> np.ndar
 
     if beyond(0.0) <= 0.0:
         return right.T @ damped(0.0)
-    # Twice what is enough, which rounding would leave a little too long.
+    # Twice the damping that is enough: rounding could leave the step a little too long.
     most = 2.0 * float(np.linalg.norm(size * coordinates)) / radius
     least = float(np.finfo(float).tiny)
     return right.T @ damped(brentq(beyond, 0.0, most, xtol=least, rtol=1e-3))
 
 
 def resolved(jacobian: ArrayLike) -> float:
-    """Part of the largest singular value below which one is rounding."""
+    """Share of the largest singular value below which another one is rounding."""
     return max(1e-10, 10.0 * float(np.finfo(np.asarray(jacobian).dtype).eps))
 
 
 def descent(first: Point, box: Bounds, most_steps: int) -> Generator[np.ndarray, Point, Point]:
-    """Yields where it asks, (P,), is sent the point there, and returns the least near the first.
+    """Minimises as a generator: yields logarithms, is sent the point there, returns the end.
 
     Args:
-      first: where to begin, within the bounds.
-      box: the bounds.
-      most_steps: points to ask for at most.
+      first: first point, within the bounds.
+      box: bounds of the logarithms.
+      most_steps: most points to evaluate.
     """
     here, radius = first, LONGEST
     for _ in range(most_steps):
         if not here.finite:
             break
-        change, promised = step(here, box, radius)
+        change, expected = step(here, box, radius)
         length = float(np.linalg.norm(change))
-        if not change.any() or (abs(promised) < DONE and length > SHORT):
+        if not change.any() or (abs(expected) < DONE and length > SHORT):
             break
         there = yield here.logs + change
-        share = 0.0  # of the promise that is kept
-        if there.finite and promised > 0.0:
-            share = 2.0 * (here.loss - there.loss) / promised
+        share = 0.0  # of the expected decrease
+        if there.finite and expected > 0.0:
+            share = 2.0 * (here.loss - there.loss) / expected
         if share > ACCEPTED:
             here = there
-        if abs(promised) < DONE:
+        if abs(expected) < DONE:
             break
         if share < POOR:
             radius = 0.25 * length
@@ -137,10 +138,10 @@ def minimise(
     box: Bounds,
     most_steps: int,
 ) -> tuple[list[Point], int]:
-    """The least sums of squares near first points, side by side, and the points evaluated.
+    """Minimises from several points, side by side; gives the ends and the number of evaluations.
 
     Args:
-      at: residuals and slopes at some places.
+      at: function that gives residuals and slopes at several logarithms.
       first, box, most_steps: as for `descent`, of each.
     """
     paths = [descent(start, box, most_steps) for start in first]

@@ -1,16 +1,16 @@
-"""Leverages: how many values a fit takes from each of its measurements."""
+"""Leverages: the share of each fitted value that comes from its own measurement."""
 
 import numpy as np
 
 RANK_TOLERANCE = 1e-6
-"""Singular values below this part of the largest count as zero."""
+"""Singular values below this share of the largest count as zero."""
 
 
 def leverages(jacobian: np.ndarray, prior_precision: np.ndarray) -> np.ndarray:
-    """Diagonal of the matrix that projects measurements on their predictions, (M,).
+    """Leverages, (M,): the diagonal of the matrix that maps measurements to their predictions.
 
     H = J (J^T J + Lambda)^-1 J^T (Hoaglin & Welsch 1978, with priors as further rows). Each is
-    between 0 and 1; without priors their sum is the number of values that the data determine.
+    between 0 and 1. Without priors their sum is the number of values that the data determine.
 
     Args:
       jacobian: derivative of the residuals with respect to the logarithms, (M, P).

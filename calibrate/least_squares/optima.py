@@ -1,4 +1,4 @@
-"""Optima: which ends of searches are different ones, and which is told of each."""
+"""The different optima among the ends of searches."""
 
 from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
@@ -11,29 +11,28 @@ from calibrate.least_squares.finish import CONVERGED_BELOW, is_settled
 from calibrate.least_squares.levenberg import Point
 
 APART = 1.0
-"""Distance between the residuals of two optima, from which they are different; standard
-deviations."""
+"""Least distance between the residuals of two different optima, in standard deviations."""
 NEAR = 0.5
-"""Distance in logarithms up to which like residuals are of one optimum."""
+"""Distance in logarithms below which two ends of like residuals are one optimum."""
 RIDGE = 0.5
-"""Least rise of the loss halfway between two optima: chi-squared by one."""
+"""Least rise of the loss halfway between two different optima: one in chi-squared."""
 
 
 class Optimum(NamedTuple):
-    """A least of the sum of squares, priors included."""
+    """A local minimum of the sum of squares, priors included."""
 
     values: np.ndarray
-    """(P,)."""
+    """The values, (P,)."""
     loss: float
     """Half the sum of squares, priors included."""
     chi_squared: float
     """Sum of squares of the residuals of the measurements, without the priors."""
     finished: bool = True
-    """False for one of the cheap model of a search alone."""
+    """False for an optimum of the cheap model alone."""
 
 
 def optimum(end: Point, count: int, finished: bool = True) -> Optimum:
-    """The optimum at an end, whose first `count` residuals are of measurements."""
+    """The optimum at an end; its first `count` residuals are those of measurements."""
     of_data = end.value[:count]
     with np.errstate(over="ignore"):
         return Optimum(np.exp(end.logs), end.loss, float(of_data @ of_data), finished)
@@ -44,21 +43,22 @@ def distinct(
 ) -> list[Point]:
     """The different optima among the ends of searches, best first.
 
-    The best is always among them, others if they have settled and are no plateau, where less is
-    seen than from the best. Of ends in one valley that are as good, the one nearest to the start.
+    The best end is always among them. Another end is, if it has settled and is no plateau, where
+    fewer directions are determined than at the best end. Of equally good ends in one valley the
+    nearest to the start is taken.
 
     Args:
-      ends: of searches.
-      start: logarithms, (P,).
-      box: the bounds.
-      at: residuals at other logarithms.
+      ends: ends of searches.
+      start: logarithms at the start, (P,).
+      box: bounds of the logarithms.
+      at: function that gives residuals at other logarithms.
     """
     valleys: list[list[Point]] = []
     for end in sorted(ends, key=lambda end: end.loss):
         if valleys and not _as_certain(end, valleys[0][0], box):
             continue
         for valley in valleys:
-            if _same(end, valley[0], at):
+            if _same_optimum(end, valley[0], at):
                 valley.append(end)
                 break
         else:
@@ -72,7 +72,7 @@ def distinct(
 
 
 def with_others(optima: Sequence[Optimum], others: Iterable[Optimum]) -> tuple[Optimum, ...]:
-    """Optima and those of others that are not near one and as good, the first in its place."""
+    """Optima with others added, unless these are near one and as good; the first stays first."""
 
     def known_already(other: Optimum) -> bool:
         return any(
@@ -89,19 +89,19 @@ def with_others(optima: Sequence[Optimum], others: Iterable[Optimum]) -> tuple[O
 
 
 def _as_certain(end: Point, best: Point, box: Bounds) -> bool:
-    """True for an end that is an optimum, too."""
+    """True for a settled end that determines as many directions as the best."""
     return end.finite and is_settled(end, box) and _rank(end) >= _rank(best)
 
 
 def _rank(end: Point) -> int:
-    """Directions of which residuals or priors tell."""
+    """Number of directions that residuals or priors determine."""
     if not end.finite:
         return 0
     size = np.linalg.svd(end.jacobian, compute_uv=False)
     return int(np.sum(size > levenberg.resolved(end.jacobian) * size[0]))
 
 
-def _same(first: Point, second: Point, at: Callable[[np.ndarray], Point]) -> bool:
+def _same_optimum(first: Point, second: Point, at: Callable[[np.ndarray], Point]) -> bool:
     """True if two ends predict the same, and no ridge is between them."""
     if np.linalg.norm(first.value - second.value) > APART:
         return False

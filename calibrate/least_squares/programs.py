@@ -17,7 +17,7 @@ from mrjax import InputError
 from mrjax.io.checkpoint import Checkpoint, digest
 
 AT_ONCE = 8
-"""Models that are run side by side, for as many starts."""
+"""Most models that run side by side, one for each start."""
 
 
 class Given(NamedTuple):
@@ -29,9 +29,9 @@ class Given(NamedTuple):
 
 
 class Programs(NamedTuple):
-    """The programs of a fit: of logarithms, (P,), and what is given."""
+    """The programs of a fit, functions of logarithms, (P,), and `Given`."""
 
-    traceable: Callable[[ArrayLike, Given], Array]  # for programs that have it within
+    traceable: Callable[[ArrayLike, Given], Array]  # for use within other programs
     everything: Callable[[ArrayLike, Given], Array]  # residuals and priors, (M + K,)
     linearised: Callable[[ArrayLike, Given], tuple[Array, Array]]  # Jacobian and residuals
     traced: bool = True  # False where all three are called with numbers
@@ -46,11 +46,11 @@ def compiled(
     robust: float | None,
     without_data: bool,
 ) -> Programs:
-    """Programs of residuals of a pytree of this structure.
+    """Compiles the programs for residuals of a pytree.
 
     Args:
       residuals: as for `fit`.
-      structure, shapes: of the pytree.
+      structure, shapes: structure of the pytree, and shapes of its leaves.
       with_prior: places of the values that have a prior.
       robust: as for `fit`.
       without_data: whether the residuals take no data.
@@ -85,7 +85,7 @@ def prepared(
 
     Args:
       residuals, data, robust: as for `fit`.
-      unknown: what is fitted.
+      unknown: the fitted values.
     """
     with_prior, without_data = unknown.with_prior, data is None
     return compiled(residuals, unknown.structure, unknown.shapes, with_prior, robust, without_data)
@@ -98,9 +98,13 @@ def given_with(unknown: Unknowns, data: Any) -> Given:
 
 
 def pseudo_huber(residuals: Any, longest: float) -> Any:
-    """Residuals whose squares are 2 d^2 (sqrt(1 + (r/d)^2) - 1): r near zero, else sqrt(2 d r).
+    """Pseudo-Huber residuals: near 0 they are r, far away sqrt(2 d r).
 
-    Of JAX or of numpy, as the residuals are.
+    Their squares are 2 d^2 (sqrt(1 + (r/d)^2) - 1).
+
+    Args:
+      residuals: residuals r, an array of JAX or of numpy.
+      longest: distance d beyond which residuals count linearly.
     """
     size = (1.0 + (residuals / longest) ** 2) ** 0.5
     return residuals * (2.0 / (1.0 + size)) ** 0.5
@@ -110,7 +114,7 @@ def count_residuals(programs: Programs, logs: np.ndarray, given: Given) -> int:
     """The number of residuals, priors included.
 
     Raises:
-      InputError: none, or not a vector of one size.
+      InputError: there are none, or their number is not constant.
     """
     if not programs.traced:
         return int(np.asarray(programs.everything(logs, given)).size)
@@ -118,9 +122,9 @@ def count_residuals(programs: Programs, logs: np.ndarray, given: Given) -> int:
         shape = jax.eval_shape(programs.traceable, logs, given).shape
     except (jax.errors.ConcretizationTypeError, jax.errors.NonConcreteBooleanIndexError) as error:
         raise InputError(
-            "residuals: their number, or a choice in them, hangs on the values, so that JAX cannot "
-            "compile them; give as many for all values, with jnp.where in place of `if` and of "
-            "boolean indices, or differentiable=False"
+            "residuals: their number, or a choice in them, depends on the values, so that JAX "
+            "cannot compile them; give as many for all values, with jnp.where in place of `if` "
+            "and of boolean indices, or differentiable=False"
         ) from error
     except jax.errors.TracerArrayConversionError as error:
         raise InputError(
@@ -131,9 +135,9 @@ def count_residuals(programs: Programs, logs: np.ndarray, given: Given) -> int:
 
 
 def over_starts(function: Callable, starts: int) -> Callable:
-    """A compiled function over the leading axis of all that it takes and gives, as numpy arrays.
+    """A compiled function mapped over the leading axis of its arguments; gives numpy arrays.
 
-    So many at once at most: between two calls Python sees signals.
+    At most `AT_ONCE` rows run in one call, since Python sees signals between two calls.
     """
     mapped = watched(jax.jit(jax.vmap(function)))
 
@@ -144,7 +148,7 @@ def over_starts(function: Callable, starts: int) -> Callable:
             return jax.tree.map(np.asarray, mapped(*arguments))
         results = []
         for first in range(0, starts, AT_ONCE):
-            # The last of them are filled up, for one program.
+            # The last rows are filled up, so that one program serves all.
             rows = np.minimum(np.arange(first, first + AT_ONCE), starts - 1)
             results_of_rows = mapped(
                 *jax.tree.map(partial(np.take, indices=rows, axis=0), arguments)
@@ -157,15 +161,15 @@ def over_starts(function: Callable, starts: int) -> Callable:
 
 @lru_cache(maxsize=16)
 def side_by_side(linearised: Callable) -> Callable:
-    """The program of a cheap model at many places, (S, P), and with what is given for all of them.
+    """The program of a cheap model mapped over many points, (S, P), with the same other arguments.
 
-    Compiled once for all searches that share `linearised`.
+    It is compiled once for all searches that share `linearised`.
     """
     return watched(jax.jit(jax.vmap(linearised, in_axes=(0, None))))
 
 
 def one_by_one(function: Callable) -> Callable:
-    """A compiled function over the same axis, not mapped: a forward model may be slower so."""
+    """Calls a compiled function row by row, since a mapped forward model may be slower."""
 
     def over_all(*arguments: Any) -> Any:
         rows = len(jax.tree.leaves(arguments)[0])
@@ -181,11 +185,11 @@ def one_by_one(function: Callable) -> Callable:
 
 
 def recalled(function: Callable[..., Any], most: int) -> Callable[..., Any]:
-    """A compiled function of logarithms that knows its last results: stages ask where others did.
+    """A compiled function of logarithms that remembers its last results, since stages repeat calls.
 
     Args:
-      function: of logarithms, (P,), and of what is given, always the same.
-      most: results that are kept.
+      function: function of logarithms, (P,), and of arguments that never change.
+      most: most results in memory.
     """
     results: OrderedDict[bytes, Any] = OrderedDict()
 
@@ -201,7 +205,7 @@ def recalled(function: Callable[..., Any], most: int) -> Callable[..., Any]:
 
 
 def remembered(work: Checkpoint, name: str, function: Callable) -> Callable:
-    """A compiled function of logarithms, and of what is given, that keeps what it gave."""
+    """A compiled function of logarithms, with its results stored in a checkpoint."""
 
     def recall_or_call(logs: np.ndarray, *given: Given) -> Any:
         label = f"{name}-{digest(logs)}"

@@ -1,4 +1,4 @@
-"""All optima of a model that costs next to nothing: from many places, side by side."""
+"""The search for all optima of a cheap model, from many points side by side."""
 
 from collections.abc import Callable
 from typing import Any
@@ -22,14 +22,14 @@ from calibrate.least_squares.unknowns import Unknowns
 from mrjax.core.promotion import relaxed_promotion
 
 DRAWN = 128
-"""Places that are looked at."""
+"""Number of points at which the model is evaluated."""
 BEST, FIRST = 16, 31
-"""Places from which an optimum is looked for: the best, which may all be of one valley, and the
-first, which are all over."""
+"""Numbers of points from which an optimum is searched: the best ones, which may all be in one
+valley, and the first ones, which cover the whole range."""
 AT_ONCE = 32
-"""Places that are looked at side by side."""
+"""Number of points that are evaluated side by side."""
 MOST_STEPS = 40
-"""On the way to it."""
+"""Most steps from a point to its optimum."""
 
 
 def scout(
@@ -39,21 +39,21 @@ def scout(
     robust: float | None = None,
     data: Any = None,
 ) -> list[Optimum]:
-    """The different optima that are found from the first places and the best of all.
+    """Finds the different optima, from the first points and from the best ones.
 
     Args:
       residuals, robust, data: as for `fit`.
-      unknown: what is fitted.
-      places: logarithms, (S, P).
+      unknown: the fitted values.
+      places: logarithms of the points, (S, P).
 
     Returns:
-      the optima, best first, none of them finished; none where nothing can be predicted.
+      the optima, best first, not finished; empty if the model gives no prediction.
     """
     programs = prepared(residuals, unknown, data, robust)
     given = given_with(unknown, data)
     with stoppable(), relaxed_promotion():
         count = count_residuals(programs, places[0], given) - len(unknown.with_prior)
-        at = _together(programs, given)
+        at = _evaluate_in_batches(programs, given)
         points = at(list(places))
         best = sorted(points[1 + FIRST :], key=lambda point: point.loss)[:BEST]
         first_points = [point for point in (*points[: 1 + FIRST], *best) if point.finite]
@@ -62,8 +62,10 @@ def scout(
         return [optimum(end, count, finished=False) for end in different]
 
 
-def _together(programs: Programs, given: Given) -> Callable[[list[np.ndarray]], list[Point]]:
-    """Residuals and slopes at any number of places, by one program for some at a time."""
+def _evaluate_in_batches(
+    programs: Programs, given: Given
+) -> Callable[[list[np.ndarray]], list[Point]]:
+    """A function that gives residuals and slopes at any number of points, in batches."""
     program = side_by_side(programs.linearised)
 
     def at(places: list[np.ndarray]) -> list[Point]:

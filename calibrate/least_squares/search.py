@@ -1,4 +1,4 @@
-"""The search of a fit: optax looks for the valley, from one start or several."""
+"""The search of a fit for a valley, by optax, from one start or several."""
 
 from collections.abc import Callable
 from functools import partial
@@ -16,26 +16,26 @@ from calibrate.least_squares.levenberg import Point
 from calibrate.least_squares.programs import Programs, over_starts
 
 TRUSTED_FROM = 0.25
-"""Part of the decrease that a Gauss-Newton step promises which it must bring for the search to have
-found the valley."""
+"""Ratio of the actual to the expected decrease of a Gauss-Newton step, from which on the search has
+found a valley."""
 
 HOPELESS = 1e-6
-"""Distance in logarithms to where a prediction was possible at which a start is given up."""
+"""A start is given up at this distance, in logarithms, from its last point with a prediction."""
 
 
 class Searched(NamedTuple):
-    """Where searches end, and what they met on their way."""
+    """Ends of searches, and the best points that they met."""
 
     ends: np.ndarray
-    """Logarithms, (S, P)."""
+    """Logarithms at the ends, (S, P)."""
     best: np.ndarray
-    """Logarithms of the least loss of each, (S, P): a search may leave it."""
+    """Logarithms at the least loss of each search, (S, P); a search may leave that point."""
     least: np.ndarray
-    """Half the sum of squares there, (S,)."""
+    """Least loss of each search, (S,)."""
     losses: list[float]
-    """The best of all before each step."""
+    """Least loss of all searches before each step."""
     runs: int
-    """Runs of the model."""
+    """Number of model runs."""
 
 
 def search(
@@ -46,15 +46,15 @@ def search(
     optimizer: optax.GradientTransformationExtraArgs,
     most_steps: int,
 ) -> Searched:
-    """Optax over logarithms until each is in a valley, where Gauss-Newton steps are to be trusted.
+    """Runs optax until each search is in a valley, where Gauss-Newton steps can be trusted.
 
     Args:
-      programs: those of the fit.
-      evaluator: what asks the model.
+      programs: the programs of the fit.
+      evaluator: evaluates the model.
       places: logarithms at which the searches begin, (S, P).
-      linear: Jacobian and residuals of all of them.
-      optimizer: one step of each search.
-      most_steps: at most.
+      linear: function from these to Jacobians and residuals.
+      optimizer: optax optimizer.
+      most_steps: most steps.
     """
     state = jax.jit(jax.vmap(optimizer.init))(places)
     losses: list[float] = []
@@ -74,7 +74,7 @@ def search(
     update = over_starts(jax.jit(updated), len(places))
     in_valley = np.zeros(len(places), bool)
     best, least = places.copy(), np.full(len(places), np.inf)
-    usable = places.copy()  # where something could be predicted last, or Gauss-Newton leads
+    usable = places.copy()  # last points with a prediction, or ends of Gauss-Newton steps
     for _ in range(most_steps):
         jacobian, value = linear(places)
         runs += int((~in_valley).sum())
@@ -87,31 +87,33 @@ def search(
         lost = ~finite & ~in_valley
         for row in np.flatnonzero(finite & ~in_valley):
             here = Point(half_square(value[row]), places[row], jacobian[row], value[row])
-            ahead = _trusted(evaluator, here)
+            ahead = _trusted_step(evaluator, here)
             runs += 1
             in_valley[row] = ahead is not None
             usable[row] = ahead if in_valley[row] else places[row]
-        # From where nothing can be predicted, halfway back to where it could.
+        # Without a prediction, halfway back to the last point with one.
         halfway = 0.5 * (places + usable)
         hopeless = lost & (np.abs(halfway - usable).max(axis=1) < HOPELESS)
         if (in_valley | hopeless).all():
             break
         moving = finite & ~in_valley
         moved, next_state = update(places, state, value, jacobian)
-        state = jax.tree.map(partial(_where, moving), next_state, state)
-        places = evaluator.box.clip(_where(moving, moved, _where(lost, halfway, usable)))
+        state = jax.tree.map(partial(_select_rows, moving), next_state, state)
+        places = evaluator.box.clip(
+            _select_rows(moving, moved, _select_rows(lost, halfway, usable))
+        )
     return Searched(usable, best, least, losses, runs)
 
 
-def _where(rows: np.ndarray, new: np.ndarray, old: np.ndarray) -> np.ndarray:
-    """New where a row is chosen, (S, ...)."""
+def _select_rows(rows: np.ndarray, new: np.ndarray, old: np.ndarray) -> np.ndarray:
+    """`new` in the chosen rows, else `old`, (S, ...)."""
     return np.where(rows.reshape(-1, *[1] * (np.ndim(new) - 1)), new, old)
 
 
-def _trusted(evaluator: Evaluator, here: Point) -> np.ndarray | None:
-    """The end of a Gauss-Newton step that brings the decrease it promises, else None; one run.
+def _trusted_step(evaluator: Evaluator, here: Point) -> np.ndarray | None:
+    """The end of a Gauss-Newton step that brings the expected decrease, else None; one model run.
 
-    Nowhere, where it promises nothing.
+    If no decrease is expected, the end is the point itself.
     """
     change, gain = levenberg.step(here, evaluator.box, levenberg.LONGEST)
     if gain < levenberg.DONE:

@@ -1,4 +1,4 @@
-"""The unknowns of a fit: P positive numbers, by name, and where searches begin."""
+"""The unknowns of a fit: P positive numbers by name, and the starts of searches."""
 
 import math
 from typing import Any, NamedTuple
@@ -14,11 +14,11 @@ from mrjax import InputError
 
 
 class Unknowns(NamedTuple):
-    """P positive numbers as a fit has them, flattened from a pytree."""
+    """P positive numbers, flattened from a pytree, with bounds and priors."""
 
     names: tuple[str, ...]
     values: np.ndarray
-    """At the start, (P,)."""
+    """Values at the start, (P,)."""
     structure: Any
     """Structure of the pytree."""
     shapes: tuple[tuple[int, ...], ...]
@@ -32,12 +32,12 @@ class Unknowns(NamedTuple):
 
     @property
     def with_prior(self) -> tuple[int, ...]:
-        """Places of those that have a prior."""
+        """Indices of the numbers that have a prior."""
         return tuple(int(place) for place in np.flatnonzero(self.precision))
 
     @property
     def spread(self) -> np.ndarray:
-        """Standard deviations of the logarithms that are believed possible, (P,)."""
+        """Standard deviations of the logarithms, (P,): those of the priors, or `SPREAD`."""
         has_prior = self.precision > 0.0
         return np.where(has_prior, 1.0 / np.sqrt(np.where(has_prior, self.precision, 1.0)), SPREAD)
 
@@ -46,9 +46,10 @@ class Unknowns(NamedTuple):
         return tree(values, self.structure, self.shapes)
 
     def starts(self, number: int, seed: int) -> np.ndarray:
-        """Logarithms where so many searches begin, (S, P), within the bounds.
+        """Logarithms at the starts of a number of searches, (S, P), within the bounds.
 
-        The first is the start; the others are drawn from the priors, or about it without one.
+        The first is the start of the fit; the others are drawn from the priors, or about that start
+        without a prior.
         """
         first = self.box.clip(np.log(self.values))
         if number == 1:
@@ -60,11 +61,11 @@ class Unknowns(NamedTuple):
 def unknowns(
     start: Any, priors: dict[str, LogNormal], bounds: dict[str, tuple[float, float]]
 ) -> Unknowns:
-    """The numbers of a pytree.
+    """Flattens a pytree of positive numbers into the unknowns of a fit.
 
     Args:
       start: a pytree of positive numbers.
-      priors, bounds: by name.
+      priors, bounds: priors and bounds by name.
 
     Raises:
       InputError: a start, prior or bound that cannot be used.

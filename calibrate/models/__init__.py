@@ -1,1 +1,1 @@
-"""Forward models, one file a model: from a suspension to what should have been measured on it."""
+"""Forward models, one in each file: functions from a suspension to predicted measurements."""

@@ -19,7 +19,7 @@ TIME_SCALES = ("f_w", "f_s", "f_v", "viscosity", "gravity", "particle_density", 
 
 
 def needs_a_bed(sample: Sample) -> bool:
-    """True if what was measured depends on the bed at rest."""
+    """True if a measurement of the sample depends on the bed at rest."""
     of_bed = {"final_ratio", "volume_fraction", *CURVES}
     return any(measurement.observable in of_bed for measurement in sample.measurements)
 
@@ -38,7 +38,7 @@ def fraction_of_bed(suspension: Suspension, bed: float | None) -> Array | None:
 
 
 def final_ratio(suspension: Suspension, bed: float | None) -> ArrayLike:
-    """Final over initial height, phi_0 / phi_bed: all particles then lie in the bed; 1."""
+    """Final over initial height, phi_0 / phi_bed, with all particles in the bed."""
     fraction = fraction_of_bed(suspension, bed)
     return jnp.nan if fraction is None else suspension.volume_fraction / fraction
 
@@ -60,7 +60,7 @@ def simulated_fraction(
         return None
     if sample.bed_fraction == "particles":
         refuse_other_paths(sample, varied)
-        # As of a uniform bed: the top of a box of few particles is that of a single one.
+        # As for a uniform bed: in a box of few particles the top is that of a single one.
         settled = to_rest(sample.recipe, near, mrjax.disperse(sample.recipe, seed), checkpoint)
         ratio = interface.sedimentation_ratio(settled, "twice-centre-of-mass")
         return float(near.volume_fraction / ratio[-1])

@@ -57,7 +57,7 @@ def column(
         ratio, local = jnp.zeros(0), jnp.zeros(0)
         if sample.times or sample.points:
             flux = flux_of(suspension)
-            # A factor, not a `where`: derivatives are not a number, either.
+            # A factor, not a `where`: so derivatives are NaN, too.
             possible = jnp.where(column_checks.settles(flux), 1.0, jnp.nan)
         if sample.times:
             ratio = possible * characteristics.mudline(flux, height, times) / height

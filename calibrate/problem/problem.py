@@ -144,7 +144,7 @@ class Problem:
         predicted = []
         for sample, model in zip(self.experiment.samples, self.models, strict=True):
             suspension = self.experiment.suspension_of(sample, theta)
-            # A factor, not a `where`: derivatives are not a number, either.
+            # A factor, not a `where`: so derivatives are NaN, too.
             possible = jnp.where(can_be(sample, suspension), 1.0, jnp.nan)
             predicted += [possible * value for value in as_measured(sample, model(suspension))]
         return jnp.stack(predicted)

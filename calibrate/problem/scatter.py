@@ -67,20 +67,20 @@ def fit_with_scatter(
         fit = fit_errors(problem, number)
         runs += fit.model_runs
         estimated = with_scatter(problem, fit)
-        if not fit.converged or _settled(problem, estimated):
+        if not fit.converged or _errors_converged(problem, estimated):
             return with_freedom(problem, estimated), replace(fit, model_runs=runs)
         problem = estimated
     return problem, replace(fit, converged=False, model_runs=runs)
 
 
-def _settled(before: WithErrors, after: WithErrors) -> bool:
+def _errors_converged(before: WithErrors, after: WithErrors) -> bool:
     """True if no error changes any more."""
     return bool(np.all(np.abs(after.errors / before.errors - 1.0) < SETTLED))
 
 
 def with_scatter(problem: Problem, fit: Fit) -> Problem:
     """The problem with the scatter estimated from the residuals of a fit."""
-    return replace(problem, experiment=_estimated(problem, fit))
+    return replace(problem, experiment=_experiment_with_scatter(problem, fit))
 
 
 def with_freedom(problem: Problem, estimated: Problem) -> Problem:
@@ -98,7 +98,7 @@ def with_freedom(problem: Problem, estimated: Problem) -> Problem:
     return replace(problem, experiment=replace(problem.experiment, samples=samples))
 
 
-def _estimated(problem: Problem, fit: Fit) -> Experiment:
+def _experiment_with_scatter(problem: Problem, fit: Fit) -> Experiment:
     """The experiment with the scatter estimated from the residuals of a fit."""
     freedom = 1.0 - leverages(fit.jacobian, fit.prior_precision)
     residuals = uncapped(fit) * problem.errors
@@ -121,14 +121,16 @@ def places_of_scatter(problem: Problem, fit: Fit) -> list[np.ndarray]:
     experiment, groups = problem.experiment, []
     for sample, place in experiment.by_sample():
         chosen = [
-            (_of_table(sample), sample.scatter),
-            (_of_curve(sample), sample.curve_scatter),
-            *((_of_local_table(sample, table), table.scatter) for table in sample.concentrations),
+            (_in_velocity_table(sample), sample.scatter),
+            (_in_curve(sample), sample.curve_scatter),
+            *((_in_local_table(sample, table), table.scatter) for table in sample.concentrations),
         ]
         groups += [
             (place.start + np.flatnonzero(is_in_group), scatter) for is_in_group, scatter in chosen
         ]
-    if isinstance(scatter := getattr(experiment, "scatter", None), Scatter):  # of a simulator
+    if isinstance(
+        scatter := getattr(experiment, "scatter", None), Scatter
+    ):  # scatter of a simulator
         groups.append((np.arange(fit.residuals.size), scatter))
     return [
         places
@@ -148,19 +150,19 @@ def uncapped(fit: Fit) -> np.ndarray:
     return np.asarray(np.sign(fit.residuals) * fit.robust * np.sqrt((1.0 + half) ** 2 - 1.0))
 
 
-def _of_table(sample: Sample) -> np.ndarray:
+def _in_velocity_table(sample: Sample) -> np.ndarray:
     """True for velocities of a table, (M,)."""
     return np.array(
         [measurement.concentration is not None for measurement in sample.measurements], bool
     )
 
 
-def _of_curve(sample: Sample) -> np.ndarray:
+def _in_curve(sample: Sample) -> np.ndarray:
     """True for readings of a curve, (M,)."""
     return np.array([measurement.place is not None for measurement in sample.measurements], bool)
 
 
-def _of_local_table(sample: Sample, table: LocalTable) -> np.ndarray:
+def _in_local_table(sample: Sample, table: LocalTable) -> np.ndarray:
     """True for readings of a table of local concentrations, (M,)."""
     names = [measurement.point and measurement.point.table for measurement in sample.measurements]
     return np.array([name == table.name for name in names], bool)
@@ -179,7 +181,7 @@ def _with_scatter_of_velocities(
     """
     if sample.scatter is None or sample.scatter.source == "repeats":
         return sample
-    tabled = _of_table(sample)
+    tabled = _in_velocity_table(sample)
     relative = residuals[tabled] / predicted[tabled]
     assumed = Scatter(BEFORE_THE_FIT, 0.0, "assumed")
     scatter = _estimate(relative, float(freedom[tabled].sum()), robust, LEAST_SCATTER, assumed)
@@ -193,7 +195,7 @@ def _with_scatter_of_curve(
     """The sample with the scatter of its curve, if it is estimated; arguments as for velocities."""
     if sample.curve_scatter is None or sample.curve_scatter.source == "repeats":
         return sample
-    in_curve, first_reading = _of_curve(sample), sample.readings_of_curve[0]
+    in_curve, first_reading = _in_curve(sample), sample.readings_of_curve[0]
     full_height = 1.0 if first_reading.observable == "sedimentation_ratio" else sample.height
     least, free = LEAST * full_height / first_reading.si, float(freedom[in_curve].sum())
     assumed = sample.curve_scatter._replace(degrees_of_freedom=0.0, source="assumed")
@@ -211,7 +213,7 @@ def _with_scatter_of_concentrations(
     for place, table in enumerate(sample.concentrations):
         if table.scatter is None or table.scatter.source == "repeats":
             continue
-        tabled = _of_local_table(sample, table)
+        tabled = _in_local_table(sample, table)
         size = sample.recipe.volume_fraction / RATIO_UNITS[table.unit]
         assumed = Scatter(BEFORE_THE_FIT * size, 0.0, "assumed")
         free = float(freedom[tabled].sum())

@@ -65,7 +65,7 @@ def fit_experiment(
     refuse_foreign(checkpoint)
     common: dict[str, Any] = dict(seed=seed, robust=robust, progress=progress)
     if begin_with is not None:
-        first = _cheaper(
+        first = _fit_cheaper(
             experiment,
             begin_with,
             starts=starts,
@@ -81,7 +81,7 @@ def fit_experiment(
     for number in range(MOST_PREPARED):
         folder = checkpoint and Path(checkpoint) / f"prepared-{number}"
         problem = Problem.prepare(experiment, model, seed, near, folder)
-        problem, result = _fitted(
+        problem, result = _fit_problem(
             problem,
             starts=starts,
             also=[theta for theta in promising if problem.holds_at(theta)],
@@ -98,7 +98,7 @@ def fit_experiment(
     return problem, replace(result, optima=with_others(result.optima, others), places=places)
 
 
-def _cheaper(experiment: Experiment, model: str | ForwardModelMaker, **options: Any) -> Fit:
+def _fit_cheaper(experiment: Experiment, model: str | ForwardModelMaker, **options: Any) -> Fit:
     """The fit of a cheaper model.
 
     Raises:
@@ -113,7 +113,7 @@ def _cheaper(experiment: Experiment, model: str | ForwardModelMaker, **options: 
     return first
 
 
-def _fitted(
+def _fit_problem(
     problem: Problem,
     *,
     starts: int,

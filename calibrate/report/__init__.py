@@ -4,7 +4,7 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
-    submodules=("document", "figures", "formatting", "page", "tables", "words"),
+    submodules=("document", "figures", "formatting", "page", "remarks", "tables", "words"),
     submod_attrs={
         "document": ["markdown"],
         "formatting": ["by_chance"],

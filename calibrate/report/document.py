@@ -24,22 +24,22 @@ from mrjax.core.text import in_code, in_markdown
 from mrjax.io import files
 
 SCALED = "error, scaled"
-"""Column of the errors that values have where those of the readings cover the residuals."""
+"""Header of the column of errors that are scaled until they cover the residuals."""
 
 DRAG = (
-    " A fitted drag factor is a calibration constant: what the recipe leaves\nout, such as "
-    "flocculation or a spread of sizes, is in it."
+    " A fitted drag factor is a calibration constant: it includes all\neffects that the "
+    "recipe leaves out, such as flocculation or a spread of sizes."
 )
 
 
 def markdown(name: str, model: str, result: dict[str, Any], figures: dict[str, Figure]) -> str:
-    """The report of a fit."""
+    """The report of a fit, as Markdown."""
 
     def shown(*names: str) -> str:
         return "\n".join(f"![{name}]({name}.png)" for name in names if name in figures)
 
     verdict, predictions = _verdict(result), _predictions(result)
-    parameters, numbers = _parameters(result), _validity(result)
+    parameters, numbers = _parameters(result), _validity_table(result)
     left_out, new = _left_out(result.get("left_out", [])), _new_recipe(result.get("new"))
     beyond = "".join(f"\n**Warning:** {in_markdown(warning)}.\n" for warning in result["warnings"])
     notes = "".join(f"\nNote: {in_markdown(note)}.\n" for note in result["notes"])
@@ -58,7 +58,7 @@ and {result["degrees_of_freedom"]} degrees of freedom; {result["model_runs"]} mo
 
 ## Predicted against measured
 
-{_understood(result)}{predictions}
+{_reading_records(result)}{predictions}
 {shown("predictions", "velocities", "curves", "concentrations", "readings", "residuals")}
 
 ## What the data determine
@@ -67,24 +67,24 @@ and {result["degrees_of_freedom"]} degrees of freedom; {result["model_runs"]} mo
 ## Fitted values
 
 {parameters}
-Errors are one standard deviation; of the values, data and priors together; of the combinations,
-the data alone. Intervals are those of the profile likelihood. A prior's second number is the factor
-of one standard deviation.{DRAG if numbers else ""}
+Errors are one standard deviation: of the values from data and priors together, of the combinations
+from the data alone. Intervals are those of the profile likelihood. The second number of a prior is
+the factor of one standard deviation.{DRAG if numbers else ""}
 
 {shown("profiles", "posterior")}
 {_posterior(result["posterior"])}{left_out}{new}
-{_holds(numbers, beyond)}
+{_validity_section(numbers, beyond)}
 ## The search
 
 {shown("loss")}
 
-The search looks for valleys, from all over the priors where a cheap model lets it;
-Levenberg-Marquardt finishes the best, or on a kink a simplex.
+The search looks for valleys, over the whole priors if there is a cheap model.
+Levenberg-Marquardt finishes the best one, or a simplex if it is on a kink.
 {_optima(result)}{notes}"""
 
 
 def _verdict(result: dict[str, Any]) -> str:
-    """The verdict: whether the fit is to be used."""
+    """The verdict on the fit: convergence, misfit and other optima."""
     verdict = (
         "The fit converged."
         if result["converged"]
@@ -93,7 +93,7 @@ def _verdict(result: dict[str, Any]) -> str:
     if result["misfit"]:
         verdict += (
             " **The data do not agree with the model, or with each other, within their errors:** "
-            "check values and units; of the errors below, those called scaled alone allow for it."
+            "check values and units; below, only the errors called scaled allow for it."
         )
     if others := len(result["optima"]) - 1:
         verdict += (
@@ -103,7 +103,7 @@ def _verdict(result: dict[str, Any]) -> str:
     return verdict
 
 
-def _understood(result: dict[str, Any]) -> str:
+def _reading_records(result: dict[str, Any]) -> str:
     """Records of how files were read."""
     lines = [
         f"Sample {in_markdown(name)}: {in_markdown(file['line'])}.\n\n"
@@ -166,7 +166,7 @@ def _sample_names(names: list[str]) -> str:
 
 
 def _without_samples(header: list[str], rows: Iterable[list[Any]]) -> str:
-    """A table, without columns of samples and of scaled errors where there are none."""
+    """A Markdown table, without empty columns of samples and of scaled errors."""
     all_rows = list(rows)
     columns = [
         place
@@ -180,7 +180,7 @@ def _without_samples(header: list[str], rows: Iterable[list[Any]]) -> str:
 
 
 def _optima(result: dict[str, Any]) -> str:
-    """The table of all optima; nothing where there is but one."""
+    """The table of all optima; empty if there is only one."""
     if len(result["optima"]) < 2:
         return ""
     labels = list(result["parameters"])
@@ -199,15 +199,15 @@ def _optima(result: dict[str, Any]) -> str:
     return f"\n{table}"
 
 
-def _holds(numbers: str, warnings: str) -> str:
-    """The section on where the model holds; of warnings alone where nothing else says so."""
+def _validity_section(numbers: str, warnings: str) -> str:
+    """The section on the validity of the model, or on warnings alone."""
     if not numbers:
         return f"## Warnings\n{warnings}" if warnings else ""
     return f"## Where the model holds\n\n{numbers}{warnings}"
 
 
-def _validity(result: dict[str, Any]) -> str:
-    """The dimensionless numbers, and where the model holds; nothing without suspensions."""
+def _validity_table(result: dict[str, Any]) -> str:
+    """The table of dimensionless numbers and their valid range; empty without suspensions."""
     if not result["validity"]:
         return ""
     return files.markdown_table(
@@ -241,7 +241,7 @@ def _left_out(rows: list[dict[str, Any]]) -> str:
     return f"""
 ## Each sample predicted from the others
 
-What only this sample would tell is taken from its prior.
+Values that only the predicted sample would determine are taken from their priors.
 
 {table}"""
 

@@ -18,9 +18,9 @@ from mrjax.core.text import in_figure
 from mrjax.figures import COLUMN, STYLE
 
 MARKERS = "osD^v<>p"
-"""Of samples, one after the other."""
+"""Markers of the samples, in their order."""
 MOST_ACROSS = 4
-"""Panels beside each other."""
+"""Most panels side by side."""
 
 
 def figures(
@@ -32,7 +32,7 @@ def figures(
 ) -> dict[str, Figure]:
     """The figures of a fit, by the name of their file."""
     all_figures = {}
-    if any(_is_alone(row) for row in result["predictions"]):
+    if any(_is_single(row) for row in result["predictions"]):
         all_figures["predictions"] = predictions_figure(result)
     if any("concentration" in row for row in result["predictions"]):
         all_figures["velocities"] = velocities_figure(result)
@@ -52,12 +52,12 @@ def figures(
 
 
 def _is_of_curve(row: dict[str, Any]) -> bool:
-    """True of a reading of a curve."""
+    """True for a reading of a curve."""
     return "time_s" in row and "height_m" not in row
 
 
-def _is_alone(row: dict[str, Any]) -> bool:
-    """True of a measurement that is neither of a curve nor of a table."""
+def _is_single(row: dict[str, Any]) -> bool:
+    """True for a measurement that is neither of a curve nor of a table."""
     return not {"time_s", "concentration", "at"} & row.keys()
 
 
@@ -131,7 +131,7 @@ def curves_figure(result: dict[str, Any]) -> Figure:
         unit = of_sample[0]["unit"]
         quantity = spelled(of_sample[0]["observable"])
         axes.set_ylabel(quantity if unit == "1" else f"{quantity}, {unit}")
-        axes.set_ylim(0.0, 1.1 * axes.dataLim.y1)  # a level curve, too, with its errors
+        axes.set_ylim(0.0, 1.1 * axes.dataLim.y1)  # room for the errors of a level curve
     axes.legend()
     return figure
 
@@ -139,7 +139,7 @@ def curves_figure(result: dict[str, Any]) -> Figure:
 def _panels(
     rows: list[dict[str, Any]], key: Callable[[dict[str, Any]], Any] = lambda row: row["sample"]
 ) -> tuple[Figure, list[tuple[Axes, list[dict[str, Any]]]]]:
-    """A figure with axes for each sample, or another key, and the predictions that belong there."""
+    """A figure with axes for each sample, or other key, and the predictions to draw there."""
     keys = list(dict.fromkeys(map(key, rows)))
     across = min(len(keys), MOST_ACROSS)
     down = -(-len(keys) // across)
@@ -156,18 +156,18 @@ def _panels(
 def _draw(
     axes: Axes, at: list[float], rows: list[dict[str, Any]], least: float | None = None
 ) -> None:
-    """Measured values, and predicted ones at the same places: see below."""
+    """Draws measured and predicted values at the same positions; arguments as below."""
     _draw_measured(axes, at, rows)
     predicted, errors = ([row[key] for row in rows] for key in ("predicted", "predicted_error"))
     _draw_predicted(axes, at, predicted, errors, least)
 
 
 def _draw_measured(axes: Axes, at: list[float], rows: list[dict[str, Any]]) -> None:
-    """Measured values with their errors.
+    """Draws measured values with their errors.
 
     Args:
-      axes: where to.
-      at: place of each along the axis.
+      axes: axes to draw on.
+      at: position of each value along the axis.
       rows: predictions, as `fit.json` has them.
     """
     axes.errorbar(
@@ -185,14 +185,14 @@ def _draw_measured(axes: Axes, at: list[float], rows: list[dict[str, Any]]) -> N
 def _draw_predicted(
     axes: Axes, at: ArrayLike, predicted: ArrayLike, error: ArrayLike, least: float | None = None
 ) -> None:
-    """Predicted values with a band of two standard errors.
+    """Draws predicted values with a band of two standard errors.
 
     Args:
-      axes: where to.
-      at: places along the axis, (K,).
+      axes: axes to draw on.
+      at: positions along the axis, (K,).
       predicted, error: values and standard errors, (K,).
-      least: lower end of the band, as a share of the prediction: on an axis of logarithms above 0;
-        None where it has none.
+      least: least lower end of the band, over the prediction, for a logarithmic axis; None if there
+        is no limit.
     """
     values, spread = np.asarray(predicted), 2.0 * np.asarray(error)
     axes.plot(at, values, color="0.4", label="predicted")
@@ -240,7 +240,7 @@ def profiles_figure(problem: Problem, profiles: tuple[Profile, ...]) -> Figure:
     axes_of = figure.subplots(1, len(profiles), squeeze=False, sharey=True)[0]
     for axes, profile in zip(axes_of, profiles, strict=True):
         parameter = parameter_of[profile.name]
-        # Between its points a profile is a parabola: its root is straight.
+        # Between its points a profile is a parabola: its root is linear.
         away = np.sign(np.linspace(-1.0, 1.0, len(profile.values)))
         root = away * np.sqrt(np.maximum(profile.increase, 0.0))
         first, last = np.log(profile.values[[0, -1]])
@@ -258,7 +258,7 @@ def profiles_figure(problem: Problem, profiles: tuple[Profile, ...]) -> Figure:
 
 @STYLE
 def corner_figure(samples: Posterior) -> Figure:
-    """Every pair of values, as sampled; their own distributions on the diagonal."""
+    """Samples of every pair of values, with the distribution of each value on the diagonal."""
     import corner
 
     figure = Figure(figsize=(2.0 * len(samples.names) + 0.6,) * 2)
@@ -267,7 +267,7 @@ def corner_figure(samples: Posterior) -> Figure:
         labels=list(map(in_figure, samples.names)),
         fig=figure,
         show_titles=True,
-        quiet=True,  # contours that few samples do not tell
+        quiet=True,  # no warnings about contours of few samples
         title_fmt=".4g",
         title_kwargs={"fontsize": 8},
     )
@@ -276,8 +276,8 @@ def corner_figure(samples: Posterior) -> Figure:
 
 @STYLE
 def predictions_figure(result: dict[str, Any]) -> Figure:
-    """Measured values with their uncertainty, predicted ones beside them."""
-    rows = [row for row in result["predictions"] if _is_alone(row)]
+    """Measured values with their errors, and predicted values beside them."""
+    rows = [row for row in result["predictions"] if _is_single(row)]
     units = list(dict.fromkeys(row["unit"] for row in rows))
     figure = Figure(figsize=(0.6 + 2.2 * len(units), 2.4), layout="constrained")
     for axes, unit in zip(figure.subplots(1, len(units), squeeze=False)[0], units, strict=True):
@@ -316,7 +316,7 @@ def predictions_figure(result: dict[str, Any]) -> Figure:
 
 
 def _tick(row: dict[str, Any]) -> str:
-    """The name of a measurement beneath its place."""
+    """The label of a measurement at its tick."""
     if row["sample"] is None:
         return in_figure(row["observable"])
     return f"{in_figure(row['sample'])}\n{spelled(row['observable'])}"
@@ -324,7 +324,7 @@ def _tick(row: dict[str, Any]) -> str:
 
 @STYLE
 def loss_figure(fit: Fit) -> Figure:
-    """Half the sum of squares against the step of the search, and after the finish."""
+    """Half the sum of squares at each step of the search, and after the finish."""
     figure = Figure(figsize=(COLUMN, 2.4), layout="constrained")
     axes = figure.subplots()
     search, end = fit.loss[:-1], fit.loss[-1]

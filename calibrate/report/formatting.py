@@ -11,7 +11,7 @@ from calibrate.inference.identify import WITHOUT_PRIOR
 from mrjax.core.text import with_error as with_error
 
 SMALLEST_P = 1e-12
-"""Below which a p-value says nothing more."""
+"""Smallest p-value that is printed as a number."""
 
 
 def spelled(observable: str) -> str:
@@ -20,19 +20,19 @@ def spelled(observable: str) -> str:
 
 
 def by_chance(p: float) -> str:
-    """A p-value, as it follows the letter."""
+    """A p-value as text behind the letter p: `= 0.02`, or `< 1e-12`."""
     return f"= {p:.2g}" if p > SMALLEST_P else f"< {SMALLEST_P:g}"
 
 
 def off(row: dict[str, Any], form: str = "{}") -> str:
-    """The relative difference of a prediction; nothing where zero was measured."""
+    """Relative difference of prediction and measurement as text; empty if zero was measured."""
     if not row["measured"]:
         return ""
     return form.format(f"{row['predicted'] / row['measured'] - 1:+.0%}")
 
 
 def when(row: dict[str, Any]) -> str:
-    """The time of a reading of a curve, the concentration, height or place of a table's."""
+    """Position of a reading as text: its time, concentration, height, or that of a simulator."""
     if "at" in row:
         quantity, _, unit = row["axis"].partition(",")
         return " " + " ".join(f"at {quantity} {row['at']:.6g} {unit}".split())
@@ -67,7 +67,7 @@ def in_unit(seconds: float, unit: str) -> tuple[float, str]:
 
 
 def interval(parameter: dict[str, Any], coverage: str) -> str:
-    """The interval of a value's profile at a coverage; how far an end was looked for in vain."""
+    """Profile interval of a value at a coverage as text; for an open end, the searched limit."""
     if parameter["profile"] is None:
         return "unbounded"
     low, high = parameter["profile"][coverage]
@@ -91,7 +91,7 @@ def prior(parameter: dict[str, Any]) -> str:
 
 
 def determination(parameter: dict[str, Any], misfit: bool = False) -> str:
-    """The column `determined` of a value."""
+    """Entry of a value in the column `determined`."""
     if parameter["determined"]:
         return "if the model is right" if misfit else "yes"
     if parameter["status"] == "free":
@@ -103,7 +103,7 @@ def determination(parameter: dict[str, Any], misfit: bool = False) -> str:
 
 
 def fitted_value(parameter: dict[str, Any]) -> str:
-    """A value with its error: as a factor, where that is as large as the value."""
+    """A value with its error, or with a factor if the error is as large as the value."""
     error = parameter["data_standard_error"]
     loose = (
         parameter["status"] == "free" and WITHOUT_PRIOR < error < np.inf and not parameter["bounds"]
@@ -114,7 +114,7 @@ def fitted_value(parameter: dict[str, Any]) -> str:
 
 
 def scaled_error(parameter: dict[str, Any]) -> str:
-    """The error of a value where those of the readings cover the residuals."""
+    """Error of a value if the errors of the readings are scaled to cover the residuals."""
     error = parameter["scaled_standard_error"]
     return f"± {error:.2g}" if np.isfinite(error) else "unbounded"
 

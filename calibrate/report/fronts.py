@@ -1,7 +1,7 @@
-"""Sharp fronts that pass a table of concentrations between two readings.
+"""Sharp fronts that pass between two readings of a table of concentrations.
 
-While a front is in none of the layers of the readings, no prediction changes with its place: slopes
-at the fit, and errors that follow from them, say nothing of that.
+While a front is in none of the layers of the readings, no prediction depends on its position. The
+slopes at the fit, and the errors that follow from them, do not see such a front.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,15 +11,16 @@ from calibrate.experiment.sample import Point, Sample
 from calibrate.report.formatting import place_of_point, when
 
 SHARP = 0.5
-"""Predicted difference of neighbours, over the concentration of the suspension, that is a front."""
+"""Predicted difference of neighbouring readings, over the concentration of the suspension, above
+which there is a front between them."""
 
 
 def unresolved_fronts(sample: Sample, predicted: Sequence[float]) -> Iterator[str]:
-    """Warnings about fronts that no reading resolves; the first of each table.
+    """Warnings about fronts that no reading resolves, at most one for each table.
 
     Args:
-      sample: of M measurements.
-      predicted: each in its unit, (M,).
+      sample: sample with M measurements.
+      predicted: predictions, each in its unit, (M,).
     """
     size = SHARP * sample.recipe.volume_fraction
     pairs = zip(sample.measurements, predicted, strict=True)
@@ -44,7 +45,7 @@ def unresolved_fronts(sample: Sample, predicted: Sequence[float]) -> Iterator[st
 
 
 def _distance(sample: Sample, before: Point, after: Point) -> float:
-    """How far a front goes between two readings, m: of a mudline or a bed, the farther."""
+    """Largest distance that a mudline or the front of a bed moves between two readings, m."""
     distance = abs(after.height - before.height)
     if after.time > before.time:
         farthest = max(sample.height - after.height, after.height)

@@ -12,10 +12,10 @@ from mrjax.core.text import in_html
 from mrjax.io import files
 
 MADE_BY = ("experiment", "lab_sheets", "model", "seed", "dtype", "versions")
-"""What of a result is told in the metadata of its figures, too."""
+"""Entries of a result that are also in the metadata of its figures."""
 
 PIXELS_PER_INCH = 144
-"""Of figures on the page."""
+"""Resolution of figures on the page."""
 
 
 def write(
@@ -37,7 +37,7 @@ def write(
     for name, figure in tqdm(figures.items(), desc="figures", disable=not progress, leave=False):
         files.write_figure(folder, name, figure, made_by, pdf)
         image = base64.b64encode((folder / f"{name}.png").read_bytes()).decode("ascii")
-        # So wide that the figure's letters are as large as those of the page.
+        # At this width the letters of the figure are as large as those of the page.
         width = round(PIXELS_PER_INCH * figure.get_figwidth())
         page = page.replace(
             f'src="{name}.png"', f'src="data:image/png;base64,{image}" width="{width}"'

@@ -1,6 +1,5 @@
 """A fit as plain tables: the contents of `fit.json`."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import jax
@@ -24,26 +23,11 @@ from calibrate.inference.runs import runs_tests
 from calibrate.least_squares.fit import Fit
 from calibrate.least_squares.programs import pseudo_huber
 from calibrate.problem.problem import Problem
+from calibrate.report import remarks
 from calibrate.report.formatting import place_of_point
-from calibrate.report.fronts import unresolved_fronts
 from calibrate.report.words import SAID
 from mrjax import Parameters, terminal_velocity
 from mrjax.laws import dimensionless
-
-KINK = (
-    "the optimum is where slopes jump, as where a mudline meets its bed at the time of a "
-    "measurement: it was found without slopes, and errors and intervals are those of one side"
-)
-
-ONE_PLACE = (
-    "an optimum was looked for from one place alone, so that better ones may exist: fit again with "
-    "--starts 8, or starts=8 in Python"
-)
-
-SURPRISING = 3.0
-"""Standard deviations of its prior beyond which a value is not what was believed."""
-FASTER = 2.0
-"""How many times faster than one of its particles alone a suspension may fall as fitted."""
 
 
 def summary(
@@ -60,7 +44,7 @@ def summary(
     agreed = agreement(problem, fit, identification, predicted)
     errors = problem.experiment.errors
     if errors == "estimated":
-        agreed = agreed._replace(p_value=None)  # they come from the readings that p would test
+        agreed = agreed._replace(p_value=None)  # they follow from the residuals that p would test
     scale = agreed.error_scale if agreed.misfit else 1.0
     validity_of = {
         sample.name: _validity(problem.experiment.suspension_of(sample, fit.theta).parameters)
@@ -70,7 +54,7 @@ def summary(
         "converged": fit.converged,
         "on_a_kink": fit.on_a_kink,
         "parameters": _parameters(problem, fit, identification, profiles, samples, scale),
-        **_what_is_determined(problem, fit, identification),
+        **_determination(problem, fit, identification),
         "unchanged_at_a_distance": list(unchanged),
         "data_as_understood": {
             name: file.table() for name, file in problem.experiment.data_as_understood.items()
@@ -85,8 +69,9 @@ def summary(
             }
             for name, numbers in validity_of.items()
         },
-        "warnings": _warnings(problem, fit, validity_of) + _fronts(problem, predicted),
-        "notes": _notes(problem, fit),
+        "warnings": remarks.warnings(problem, fit, validity_of)
+        + remarks.fronts(problem, predicted),
+        "notes": remarks.notes(problem, fit),
         "chi_squared": fit.chi_squared,
         **_agreement(agreed, errors),
         "robust": fit.robust,
@@ -104,7 +89,7 @@ def summary(
 
 
 def _optima(problem: Problem, fit: Fit) -> list[dict[str, Any]]:
-    """All optima that were found, this fit first: their values, each in its own unit, by label."""
+    """All optima, this fit first, with their values by label, each in its own unit."""
     parameters = problem.experiment.parameters
     return [
         {
@@ -120,9 +105,7 @@ def _optima(problem: Problem, fit: Fit) -> list[dict[str, Any]]:
     ]
 
 
-def _what_is_determined(
-    problem: Problem, fit: Fit, identification: Identification
-) -> dict[str, Any]:
+def _determination(problem: Problem, fit: Fit, identification: Identification) -> dict[str, Any]:
     """Combinations that the data determine, and values that they leave open."""
     labels = {parameter.variable: parameter.label for parameter in problem.experiment.parameters}
     open_values: dict[str, list[str]] = {key: [] for key in SAID}
@@ -167,112 +150,6 @@ def _why_open(identification: Identification, name: str, place: int) -> str:
     return "carried_by_priors_alone"
 
 
-def _warnings(
-    problem: Problem, fit: Fit, validity_of: dict[str, tuple[dimensionless.Number, ...]]
-) -> list[str]:
-    return [
-        *problem.experiment.warnings,
-        *(
-            f"sample {name}: {warning}"
-            for name, numbers in validity_of.items()
-            for warning in dimensionless.warnings(numbers)
-        ),
-        *_against_priors(problem, fit),
-        *_too_fast(problem, fit),
-        *_unreliable(problem, fit),
-    ]
-
-
-def _against_priors(problem: Problem, fit: Fit) -> Iterator[str]:
-    """Warnings about values far from what was believed of them."""
-    for place, parameter in enumerate(problem.experiment.parameters):
-        prior = problem.priors.get(parameter.variable)
-        if prior is None:
-            continue
-        deviations = np.log(fit.values[place] / prior.median) / prior.log_standard_deviation
-        if abs(deviations) > SURPRISING:
-            yield (
-                f"{parameter.label} = {parameter.value(fit.values[place]):.4g} is "
-                f"{abs(deviations):.2g} standard deviations of its prior from its median, "
-                f"{parameter.value(prior.median):.4g}: data and prior contradict each other; "
-                "check units, the model and the prior"
-            )
-
-
-def _fronts(problem: Problem, predicted: np.ndarray) -> list[str]:
-    """Warnings about sharp fronts between readings of concentrations."""
-    return [
-        warning
-        for sample, places in problem.experiment.by_sample()
-        for warning in unresolved_fronts(sample, list(map(float, predicted[places])))
-    ]
-
-
-def _too_fast(problem: Problem, fit: Fit) -> Iterator[str]:
-    """Warnings about samples that fall faster than one of their particles would alone."""
-    for sample in problem.experiment.samples:
-        parameters = problem.experiment.suspension_of(sample, fit.theta).parameters
-        drag = float(np.mean(parameters.f_w * parameters.f_s * parameters.f_v))
-        if drag * FASTER < 1.0:
-            yield (
-                f"sample {sample.name}: as fitted it falls {1.0 / drag:.3g} times faster than one "
-                f"of its particles alone, f_w f_s f_v = {drag:.3g}: flocs, or check units, "
-                "viscosity and diameter"
-            )
-
-
-def _notes(problem: Problem, fit: Fit) -> list[str]:
-    notes = [
-        f"sample {sample.name}: {note}"
-        for sample in problem.experiment.samples
-        for note in sample.recipe.notes
-    ]
-    notes_of_fit = [KINK] * fit.on_a_kink + [ONE_PLACE] * (fit.places == 1)
-    return notes + notes_of_fit + _differences(fit) + _at_bounds(problem, fit)
-
-
-def _differences(fit: Fit) -> list[str]:
-    """A note on slopes that were taken by differences."""
-    if fit.slopes is None:
-        return []
-    least, most = fit.slopes.steps.min(), fit.slopes.steps.max()
-    size = f"{least:.2g}" if least == most else f"{least:.2g} to {most:.2g}"
-    failed = f", of which {fit.slopes.failures} failed" if fit.slopes.failures else ""
-    return [
-        f"slopes are central differences with steps of {size} in the logarithms; the function was "
-        f"called {fit.slopes.calls} times{failed}"
-    ]
-
-
-def _unreliable(problem: Problem, fit: Fit) -> Iterator[str]:
-    """Warnings about slopes that may be noise."""
-    if fit.slopes is None:
-        return
-    shares = fit.slopes.uncertainty / np.where(fit.slopes.size, fit.slopes.size, 1.0)
-    for parameter, share, unreliable in zip(
-        problem.experiment.parameters, shares, fit.slopes.unreliable, strict=True
-    ):
-        if unreliable:
-            yield (
-                f"slopes with respect to {parameter.label} change by {share:.0%} with the step of "
-                "their differences, and so may its error: state another step, or let the "
-                "simulator print more digits"
-            )
-
-
-def _at_bounds(problem: Problem, fit: Fit) -> list[str]:
-    """Notes on values that end at a physical bound."""
-    logs, parameters = np.log(fit.values), problem.experiment.parameters
-    lower, upper = np.broadcast_arrays(*fit.box, logs)[:2]
-    return [
-        f"{parameter.label} ended at {parameter.value(x):.4g}, the last value that has a meaning"
-        for parameter, x, log, low, high in zip(
-            parameters, fit.values, logs, lower, upper, strict=True
-        )
-        if min(log - low, high - log) < 1e-9
-    ]
-
-
 def _validity(parameters: Parameters) -> tuple[dimensionless.Number, ...]:
     """Dimensionless numbers of a suspension that falls as fitted."""
     return dimensionless.numbers(parameters, terminal_velocity(parameters))
@@ -313,7 +190,7 @@ def _parameters(
 ) -> dict[str, dict[str, Any]]:
     """The rows of the fitted values, each in its own unit, by label.
 
-    `error_scale`: how many times as large as stated errors are made for the scaled ones.
+    `error_scale`: factor on the errors of the measurements, for the scaled errors of the values.
     """
     profile_of = {parameter.name: parameter for parameter in profiles}
     scaled = widened_errors(fit, identification.widening, error_scale)
@@ -361,13 +238,13 @@ def _end_of_interval(parameter: FreeParameter, x: float) -> float:
 
 
 def _predictions(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[dict[str, Any]]:
-    """A line for each measurement, both in its unit."""
+    """A row for each measurement, with its prediction in the same unit."""
     spreads = np.array([measurement.standard_deviation for _, measurement in problem.measurements])
     with np.errstate(divide="ignore", invalid="ignore"):
         exponents = fit.jacobian * (spreads / predicted)[:, None]
     spread, _ = covariance(information(fit))
     slopes = fit.jacobian
-    if (longest := fit.robust) is not None:  # back from how residuals count to what they are
+    if (longest := fit.robust) is not None:  # without the reduction by a robust fit
         scaled = jnp.asarray((predicted - problem.measured) / spreads)
         counts = jax.vmap(jax.grad(lambda residual: pseudo_huber(residual, longest)))(scaled)
         slopes = slopes / np.asarray(counts)[:, None]
@@ -382,7 +259,7 @@ def _predictions(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[dict
             "predicted_error": error,
             "unit": measurement.unit,
             "row": None if sample is None else measurement.row,
-            **(where := _place(problem, sample, measurement)),
+            **(where := _position_in_problem(problem, sample, measurement)),
             **(
                 {"varies_as": expression(fit.names, np.round(row, 6))}
                 if not where and fit.robust is None and np.isfinite(row).all()
@@ -396,7 +273,7 @@ def _predictions(problem: Problem, fit: Fit, predicted: np.ndarray) -> list[dict
 
 
 def _curve(curve: PredictedCurve) -> dict[str, Any]:
-    """A predicted curve, between the readings too."""
+    """A predicted curve, at the readings and between them."""
     return {
         "observable": curve.observable,
         "unit": curve.unit,
@@ -406,17 +283,19 @@ def _curve(curve: PredictedCurve) -> dict[str, Any]:
     }
 
 
-def _place(problem: Problem, sample: Sample | None, measurement: Measurement) -> dict[str, Any]:
-    """Where a measurement was made, if not on the sample as it is."""
+def _position_in_problem(
+    problem: Problem, sample: Sample | None, measurement: Measurement
+) -> dict[str, Any]:
+    """Position of a measurement; empty if it was made on the sample as it is."""
     if isinstance(problem.experiment, SimulatedExperiment):
         return problem.experiment.simulator.place(measurement.row or 0)
     if sample is None or measurement.place is None:
-        return _where(measurement, None)
-    return _where(measurement, sample.times[measurement.place], sample.time_unit)
+        return _position(measurement, None)
+    return _position(measurement, sample.times[measurement.place], sample.time_unit)
 
 
-def _where(measurement: Measurement, time: float | None, unit: str = "s") -> dict[str, Any]:
-    """The time of a reading of a curve, or the concentration, or height and time, of a table's."""
+def _position(measurement: Measurement, time: float | None, unit: str = "s") -> dict[str, Any]:
+    """Position of a measurement: its time, its concentration, or its height and time."""
     if measurement.point is not None:
         return place_of_point(measurement.point)
     if time is not None:
@@ -431,9 +310,9 @@ def _where(measurement: Measurement, time: float | None, unit: str = "s") -> dic
 
 
 def _scatter(problem: Problem) -> dict[str, dict[str, Any]]:
-    """The scatter of readings without a stated error: of velocities, of curves, of concentrations.
+    """Scatters of readings without a stated error, by sample, table or simulator.
 
-    That of a simulator, too. That of velocities is relative; another has a unit.
+    The scatter of velocities is relative; any other has a unit.
     """
     experiment = problem.experiment
     if isinstance(experiment, SimulatedExperiment):
@@ -489,7 +368,7 @@ def forecasts(predictions: list[Forecast]) -> list[dict[str, Any]]:
             "predicted_error": forecast.standard_error,
             "unit": forecast.measurement.unit,
             "difference_over_both_errors": forecast.off,
-            **_where(forecast.measurement, forecast.time, forecast.time_unit),
+            **_position(forecast.measurement, forecast.time, forecast.time_unit),
         }
         for forecast in predictions
     ]

@@ -12,7 +12,7 @@ from mrjax.core.text import in_code, in_markdown, in_terminal
 
 
 class Language(NamedTuple):
-    """Escapes of names of samples and of values."""
+    """Functions that escape text and code in one format."""
 
     text: Callable[[str], str]
     code: Callable[[str], str]
@@ -21,67 +21,68 @@ class Language(NamedTuple):
 MARKDOWN = Language(in_markdown, in_code)
 
 TOO_LARGE = 0.2
-"""Scatter of concentrations, over that of the suspension, which is rather a misfit."""
+"""Scatter of concentrations, over that of the suspension, above which it rather is a misfit."""
 AS_GOOD = 1.92
-"""Largest rise of the loss of an optimum that 95 % of cases do not exclude."""
+"""Rise of the loss up to which an optimum is not excluded, at 95 %."""
 
 TERMINAL = Language(in_terminal, lambda name: f"`{in_terminal(name)}`")
 
 TRY = (
-    "What may help: another closure, a bed that yields, a delay; a unit or height that is wrong by "
-    "a power of ten; larger errors."
+    "Possible remedies: another closure, a bed that yields, or a delay; a correction of a unit or "
+    "height that is wrong by a power of ten; larger errors."
 )
-"""What a reader may try where data and model do not agree."""
+"""Remedies of a misfit."""
 
 SAID = {
     "carried_by_priors_alone": (
-        "The individual value of {} is carried by the prior alone.",
-        "The individual values of {} are carried by the priors alone.",
+        "The individual value of {} follows from the prior alone.",
+        "The individual values of {} follow from the priors alone.",
     ),
     "informed_by_data": (
-        "The data narrow what the prior says of {}, and do not determine it.",
-        "The data narrow what the priors say of {}, and do not determine them.",
+        "The data narrow the prior of {}, but do not determine it.",
+        "The data narrow the priors of {}, but do not determine them.",
     ),
     "told_together": (
-        "The data tell of {} in a combination alone: the prior parts it from the others there.",
-        "The data tell of {} in combinations alone: the priors part them from each other.",
+        "The data determine {} only in a combination; the prior separates it from the other "
+        "values.",
+        "The data determine {} only in combinations; the priors separate them from each other.",
     ),
     "bounded_on_one_side": (
-        "The data bound {} on one side alone: the other is the prior's, or a bound of physics.",
-        "The data bound each of {} on one side alone: the other is the prior's, or a bound of "
-        "physics.",
+        "The data bound {} on one side only; the prior or a physical bound limits the other side.",
+        "The data bound each of {} on one side only; the priors or physical bounds limit the other "
+        "side.",
     ),
     "loosely_bounded": (
-        "The data bound {} only loosely, and no prior says more: give one, or other readings.",
-        "The data bound {} only loosely, and no priors say more: give some, or other readings.",
+        "The data bound {} only loosely, and there is no prior: give one, or other readings.",
+        "The data bound {} only loosely, and there are no priors: give some, or other readings.",
     ),
     "undetermined": (
-        "Neither data nor a prior say what {} is: it is where the search happened to end.",
-        "Neither data nor a prior say what {} are: they are where the search happened to end.",
+        "Neither data nor a prior determine {}: it is where the search happened to end.",
+        "Neither data nor a prior determine {}: they are where the search happened to end.",
     ),
 }
-"""What is said of values that the data do not determine: of one, and of several."""
+"""Sentences on values that the data do not determine: for one value, and for several."""
 
 
 def in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]:
-    """The result in sentences: what the data determine and what they do not; one a line."""
+    """The result in sentences, one a line: the misfit, the scatter, and what the data determine."""
     text, code = language
     parameters, combinations = result["parameters"], result["determined_combinations"]
     lines = misfit_in_words(result, language)
     lines += [_scatter(text(name), scatter, text) for name, scatter in result["scatter"].items()]
     lines += [_runs(text, test) for test in result["runs"]]
     lines += [
-        f"The {spelled(row['observable'])}{_whose(text, row)} varies as "
+        f"The {spelled(row['observable'])}{_sample_text(text, row)} varies as "
         f"{text(row['varies_as'])}: only that product of powers can be read from it."
         for row in result["predictions"]
         if row.get("varies_as", "1") != "1"
     ]
     if result["misfit"]:
-        lines.append(_as_far_as_it_is_right(result))
-    lines.append(_how_many(len(parameters), len(combinations)))
+        lines.append(_sentence_before_values(result))
+    lines.append(_number_of_combinations(len(parameters), len(combinations)))
     lines += [_combination(combination, code) for combination in combinations]
     lines += [
-        f"{code(f'odds({label})')} is ({text(label)} {_less(parameter['bounds'][0])}) / "
+        f"{code(f'odds({label})')} is ({text(label)} {_subtraction(parameter['bounds'][0])}) / "
         f"({parameter['bounds'][1]:g} - {text(label)}), which runs from 0 to infinity."
         for label, parameter in parameters.items()
         if parameter["bounds"]
@@ -91,11 +92,11 @@ def in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]
         for combination in result["near_combinations"]
         if combination["expression"] not in parameters
     ]:
-        lines.append("Near this fit, though not farther away, they determine:")
+        lines.append("Near this fit, but not farther away, they also determine:")
         lines += [_combination(combination, code) for combination in near]
     unchanged = result["unchanged_at_a_distance"]
     lines += [
-        _null(code(direction), direction in unchanged, bool(combinations))
+        _null_direction(code(direction), direction in unchanged, bool(combinations))
         for direction in result["null_directions"]
     ]
     lines += [
@@ -121,17 +122,17 @@ def _combination(combination: dict[str, Any], code: Callable[[str], str]) -> str
     return f"- {code(combination['expression'])} = {value}"
 
 
-def _as_far_as_it_is_right(result: dict[str, Any]) -> str:
-    """The sentence before values of a model that does not fit."""
+def _sentence_before_values(result: dict[str, Any]) -> str:
+    """The sentence that precedes the values of a model that does not fit."""
     return (
-        "The values below are as good as the model, which does not fit. Their errors are by the "
-        f"{result['errors']} errors of the readings: about {result['error_scale']:.3g} times as "
-        "large where these are made to cover the residuals."
+        "The values below are only as good as the model, which does not fit. Their errors follow "
+        f"from the {result['errors']} errors of the readings; they are about "
+        f"{result['error_scale']:.3g} times as large if those are scaled to cover the residuals."
     )
 
 
-def _how_many(values: int, combinations: int) -> str:
-    """The sentence before the combinations that the data determine."""
+def _number_of_combinations(values: int, combinations: int) -> str:
+    """The sentence that precedes the combinations that the data determine."""
     if values == 1:
         return (
             "The data determine the fitted value:"
@@ -144,18 +145,18 @@ def _how_many(values: int, combinations: int) -> str:
     )
 
 
-def _less(number: float) -> str:
-    """A number that is taken away: `- 0.5`, or `+ 1` for -1."""
+def _subtraction(number: float) -> str:
+    """The subtraction of a number as text: `- 0.5`, or `+ 1` for -1."""
     return f"{'+' if number < 0.0 else '-'} {abs(number):g}"
 
 
-def _null(direction: str, unchanged: bool, others: bool = True) -> str:
-    """The sentence about a product of powers of which no measurement tells."""
+def _null_direction(direction: str, unchanged: bool, others: bool = True) -> str:
+    """The sentence about a null direction."""
     condition = ", with the combinations above held," if others else ""
     if unchanged:
         return (
             f"No measurement says anything of {direction}: changing it{condition} changes no "
-            "prediction, a factor of ten away either."
+            "prediction, not even a factor of ten away."
         )
     return (
         f"No measurement says anything of {direction} near this fit: changing it there{condition} "
@@ -189,14 +190,15 @@ def _absolute_scatter(row: dict[str, Any], text: Callable[[str], str]) -> str:
     if "table" in row:
         scatter += f", {text(row['table'])}"
         if row["source"] == "assumed":
-            return f"{scatter}, is assumed, {row['value']:.3g}{unit}: too few readings tell it."
+            value = f"{row['value']:.3g}{unit}"
+            return f"{scatter}, is assumed, {value}: too few readings for an estimate."
     if row["source"] == "assumed":
         return (
             f"{scatter}, {row['value']:.3g}{unit}, is that about parabolas through their "
-            "neighbours: too few are free to tell it."
+            "neighbours: too few degrees of freedom are left for an estimate by the fit."
         )
     value = with_error(row["value"], row["standard_error"])
-    sentence = _estimated(f"{scatter}, {value}{unit}", row)
+    sentence = _estimated_scatter(f"{scatter}, {value}{unit}", row)
     if row["source"] == "repeats" or row.get("of_initial", 0.0) < TOO_LARGE:
         return sentence
     return (
@@ -212,12 +214,12 @@ def _scatter(name: str, row: dict[str, Any], text: Callable[[str], str]) -> str:
     scatter = f"The relative scatter of the velocities of sample {name}"
     value, error = 100.0 * row["value"], 100.0 * row["standard_error"]
     if row["source"] == "assumed":
-        return f"{scatter} is assumed, {value:.3g} %: too few readings tell it."
-    return _estimated(f"{scatter}, {with_error(value, error)} %", row)
+        return f"{scatter} is assumed, {value:.3g} %: too few readings for an estimate."
+    return _estimated_scatter(f"{scatter}, {with_error(value, error)} %", row)
 
 
-def _estimated(scatter: str, row: dict[str, Any]) -> str:
-    """The sentence about a scatter, in words with its value, that repeats or residuals tell."""
+def _estimated_scatter(scatter: str, row: dict[str, Any]) -> str:
+    """The sentence about a scatter that is estimated from repeats or residuals."""
     source = "repeats" if row["source"] == "repeats" else "their residuals"
     return (
         f"{scatter}, is estimated from {source}, with {row['degrees_of_freedom']:.3g} degrees of "
@@ -231,8 +233,8 @@ def _runs(text: Callable[[str], str], row: dict[str, Any]) -> str:
     changes = row["runs"] - 1
     sentence = (
         f"The residuals of the {row['readings']} readings of the {spelled(row['observable'])}"
-        f"{_whose(text, row)} change sign {changes} time{'s' if changes != 1 else ''}; "
-        f"noise does so as seldom with p {by_chance(row['p_value'])}"
+        f"{_sample_text(text, row)} change sign {changes} time{'s' if changes != 1 else ''}; "
+        f"noise changes sign as seldom with p {by_chance(row['p_value'])}"
     )
     return (
         f"{sentence}: the model misses their shape."
@@ -241,18 +243,18 @@ def _runs(text: Callable[[str], str], row: dict[str, Any]) -> str:
     )
 
 
-def _whose(text: Callable[[str], str], row: dict[str, Any]) -> str:
-    """The sample of a measurement; nothing of a simulator's."""
+def _sample_text(text: Callable[[str], str], row: dict[str, Any]) -> str:
+    """The sample of a measurement as text; empty for a simulator."""
     return "" if row["sample"] is None else f" of sample {text(row['sample'])}"
 
 
 def misfit_in_words(result: dict[str, Any], language: Language = TERMINAL) -> list[str]:
-    """Sentences about a misfit, or about agreement that proves nothing; none about another fit."""
+    """Sentences about a misfit, or about an agreement that proves nothing; else none."""
     if result["degrees_of_freedom"] <= 0 and not result["misfit"]:
         values, numbers = len(result["parameters"]), len(result["predictions"])
         return [
-            f"{values} value{'s' if values > 1 else ''} from {numbers} number"
-            f"{'s' if numbers > 1 else ''}: that agreement proves nothing."
+            f"{values} value{'s' if values > 1 else ''} fitted to {numbers} number"
+            f"{'s' if numbers > 1 else ''}: their agreement proves nothing."
         ]
     if not result["misfit"]:
         return []
@@ -272,12 +274,12 @@ def misfit_in_words(result: dict[str, Any], language: Language = TERMINAL) -> li
 def _far_off(
     row: dict[str, Any], files: dict[str, dict[str, Any]], text: Callable[[str], str]
 ) -> str:
-    """A reading that stands out, as its file has it.
+    """A reading that stands out in words, with time and line as in its file.
 
     Args:
-      row: the prediction of it.
+      row: its row of `predictions`.
       files: records of how files were read, by sample and table.
-      text: escapes names.
+      text: function that escapes names.
     """
     table = "velocities" if "concentration" in row else row.get("table")
     file = files.get(f"{row['sample']}, {table}" if table else row["sample"], {})

@@ -426,7 +426,7 @@ def test_what_another_prior_bounds_is_not_called_undetermined(tube):
         ends[name] = result["told_together"], result["undetermined"]
         said = "\n".join(report.in_words(result))
         page = report.markdown("tube", "closed-form", result | {"wall_seconds": 0.0}, {})
-        assert ("Neither data nor a prior say" in said) == (name == "open")
+        assert ("Neither data nor a prior determine" in said) == (name == "open")
         (row,) = [line for line in page.splitlines() if line.startswith("| `f_s`")]
         assert ("no, prior only" in row) == (name == "bounded")
     # The final ratio tells of the bed.

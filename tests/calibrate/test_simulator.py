@@ -227,7 +227,7 @@ def remembers(theta):
         ({"predict": lambda theta: by_numpy(theta) * 1j}, "give real numbers"),
         ({"predict": 3}, "predict = 3: must be a function"),
         ({"predict": stops_gradients}, "depends on k, .* derivative by JAX is zero"),
-        ({"predict": remembers}, "depends on k, .* derivative by JAX is zero|where JAX traces"),
+        ({"predict": remembers}, "depends on k, .* derivative by JAX is zero|when JAX traces"),
         ({"differentiable": True}, "JAX cannot trace it"),
         ({"parameters": {"a": 1.0, "kk": 1.0}}, "raises KeyError at the start.*'k'"),
         ({"parameters": {"a": -1.0, "k": 1.0}}, "'a'.*median = -1: must be above zero, or give b"),

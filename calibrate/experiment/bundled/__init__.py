@@ -1,1 +1,1 @@
-"""Experiments that come with calibrate: Fang et al. (2005), samples A and B."""
+"""Bundled experiments: Fang et al. (2005), samples A and B, and a synthetic one."""

@@ -1,4 +1,5 @@
 """Files of readings as laboratories have them, from bytes to numbers with units.
 
-One idea a file: text, rows, delimiter, headings, columns, units, decimals, times, dates, values.
+Each module has one idea: text, rows, delimiter, headings, columns, units, decimals, times, dates,
+values.
 """

@@ -1,4 +1,4 @@
-"""One cell of a file: nothing, a number, or something else."""
+"""One cell of a file: empty, a number, or other text."""
 
 import math
 import re
@@ -15,7 +15,7 @@ MISSING = frozenset(
         *("n.a.", "#n/a", "null", "none", "nd", "n.d."),
     ]
 )
-"""Cells that say that nothing was read."""
+"""Texts of cells without a reading."""
 _NUMBER = re.compile(
     r"(?P<number>[+-]?(?:[0-9][0-9.,]*|[.,][0-9][0-9.,]*)(?:[eE][+-]?[0-9]+)?)"
     r"\s*(?P<unit>[%\"]|[^\W\d_][\w/^ .]*)?"
@@ -32,40 +32,40 @@ class Number(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """A cell and where it is."""
+    """A cell with its place in the file."""
 
     at: str
-    """The file and the line."""
+    """File and line, for messages."""
     name: str
-    """Name of its column, as messages have it."""
+    """Name of its column, for messages."""
     text: str
 
     def refuse(self, fault: str) -> InputError:
-        """The error of a fault, which names place, column and value."""
+        """The error of a fault, with the place, column and value of the cell."""
         return InputError(f"{self.at}: {self.name} = {shown(self.text)} {fault}")
 
 
 def is_missing(text: str) -> bool:
-    """True if a cell says that nothing was read."""
+    """True for a cell without a reading."""
     return text.casefold() in MISSING
 
 
 def number(text: str) -> Number | None:
-    """The number of a cell; None if it begins with none."""
+    """The number of a cell; None if the cell does not begin with one."""
     match = _NUMBER.fullmatch(unicodedata.normalize("NFKC", text).replace("\u2212", "-"))
     return Number(match["number"], match["unit"] or "") if match else None
 
 
 def value(cell: Cell, written: str, mark: str) -> float:
-    """The number of a cell, checked.
+    """The value of the number in a cell, checked.
 
     Args:
-      cell: where it is.
-      written: its number.
+      cell: the cell, for messages.
+      written: its number as text.
       mark: decimal mark, "." or ",".
 
     Raises:
-      InputError: no number within what can be measured.
+      InputError: the number is not finite, or out of range.
     """
     try:
         result = float(written.replace(mark, "."))

@@ -1,4 +1,4 @@
-"""The columns of a file: which holds times, readings, their errors, and which is left out."""
+"""The columns of a file: those of times, readings and errors, and those that are not read."""
 
 from typing import Literal, NamedTuple, get_args
 
@@ -12,7 +12,7 @@ from mrjax import InputError
 from mrjax.core.errors import shown, shown_key
 
 LOOKED_AT = 50
-"""Rows among which the header is."""
+"""Number of rows in which the header is searched."""
 STATED = "state columns, such as columns = {time = 1, mudline = 2}"
 
 
@@ -20,13 +20,13 @@ class Column(NamedTuple):
     """A column that is read."""
 
     place: int
-    """From 0."""
+    """Index of the column, from 0."""
     heading: Heading
     role: Role | Literal["height", "concentration", "other"]
 
     @property
     def named(self) -> str:
-        """Its name in messages and in the line of what was understood."""
+        """Its name in messages and records."""
         return self.heading.written or f"column {self.place + 1}"
 
 
@@ -35,13 +35,13 @@ class Layout(NamedTuple):
 
     time: Column
     date: Column | None
-    """The date, or the number of the day, of a time of day that has a column of its own."""
+    """Column of the date or the day number, if the time of day has a column of its own."""
     readings: list[Column]
-    """The mudline, once or with its repeats."""
+    """Columns of the mudline: one, or several repeats."""
     errors: list[Column]
-    """None, one for all readings, or one for each repeat."""
+    """Columns of errors: none, one for all readings, or one for each repeat."""
     others: list[Column]
-    """Headers of columns that are not read."""
+    """Columns that are not read."""
     width: int
     """Number of columns."""
     rows: list[Row]
@@ -55,8 +55,8 @@ def layout(
 
     Args:
       table: rows of the file.
-      stated: columns of the experiment file.
-      time_unit, unit: stated ones, which tell columns of one name apart.
+      stated: columns that the experiment file states.
+      time_unit, unit: stated units, which distinguish columns of one name.
 
     Raises:
       InputError: a header without time or mudline, or that names two of them.
@@ -68,7 +68,7 @@ def layout(
         rows = rows[1:]
     heads = [_heading(row, units, place) for place in range(width)]
     at = table.at(row or (table.rows[0] if table.rows else Row(1, [])))
-    chosen = {role: _stated(role, stated, heads, at) for role in get_args(Role)}
+    chosen = {role: _stated_columns(role, stated, heads, at) for role in get_args(Role)}
     if row is None and not any(chosen.values()):
         if width != 2:
             raise InputError(_no_header(table, at, width))
@@ -84,7 +84,7 @@ def layout(
         columns, unit, at
     )
     if time is None or not readings:
-        raise InputError(_without(heads, at, row is None))
+        raise InputError(_missing_column(heads, at, row is None))
     errors = chosen["standard_deviation"]
     errors = errors or [column for column in columns if column.role == "standard_deviation"]
     if len(errors) not in (0, 1, len(readings)):
@@ -94,7 +94,9 @@ def layout(
         )
     used = [column.place for column in (time, date, *readings, *errors) if column is not None]
     if len(set(used)) < len(used):
-        raise InputError(f"{at}: columns has one twice, for time, mudline or errors; mend it")
+        raise InputError(
+            f"{at}: columns names one column twice, for time, mudline or errors; mend it"
+        )
     others = [
         Column(place, head, "other")
         for place, head in enumerate(heads)
@@ -104,12 +106,12 @@ def layout(
 
 
 def refuse_several_samples(table: Table, others: list[Column], rows: list[Row]) -> None:
-    """Refuses rows of several suspensions, which a column that is not read tells apart.
+    """Refuses rows of several suspensions, as a column of sample names shows.
 
     Args:
-      table: they are of.
+      table: table of the rows.
       others: columns that are not read.
-      rows: below the header.
+      rows: rows below the header.
 
     Raises:
       InputError: two names in one column.
@@ -130,7 +132,7 @@ def refuse_several_samples(table: Table, others: list[Column], rows: list[Row]) 
 
 def _header(table: Table, stated: ColumnsSheet) -> tuple[Row | None, list[Row]]:
     """The header, which may be the last comment, and the rows below it."""
-    names = _names(stated)
+    names = _all_stated_names(stated)
     for place, row in enumerate(table.rows[:LOOKED_AT]):
         if is_numbers(row) and not (names and _accepts(row, stated, names)):
             comment = table.last_comment
@@ -146,7 +148,7 @@ def _header(table: Table, stated: ColumnsSheet) -> tuple[Row | None, list[Row]]:
 
 
 def _accepts(row: Row, stated: ColumnsSheet, names: list[str]) -> bool:
-    """True if a row has the stated names, and otherwise a time and a mudline."""
+    """True if a row has the stated names, and names a time and a mudline that are not stated."""
     heads = [heading(cell) for cell in row.cells]
     if not all(any(_is_named(head, name) for head in heads) for name in names):
         return False
@@ -167,16 +169,16 @@ def _is_units(row: Row) -> bool:
     return all(map(headings.is_unit_cell, row.cells)) and not is_numbers(row)
 
 
-def _named(stated: ColumnsSheet, role: Role) -> list[str | int]:
+def _stated_names(stated: ColumnsSheet, role: Role) -> list[str | int]:
     columns = getattr(stated, role)
     if columns is None:
         return []
     return columns if isinstance(columns, list) else [columns]
 
 
-def _names(stated: ColumnsSheet) -> list[str]:
+def _all_stated_names(stated: ColumnsSheet) -> list[str]:
     roles: tuple[Role, ...] = get_args(Role)
-    return [name for role in roles for name in _named(stated, role) if isinstance(name, str)]
+    return [name for role in roles for name in _stated_names(stated, role) if isinstance(name, str)]
 
 
 def _is_named(head: Heading, name: str) -> bool:
@@ -188,23 +190,27 @@ def _is_named(head: Heading, name: str) -> bool:
     )
 
 
-def _stated(role: Role, stated: ColumnsSheet, heads: list[Heading], at: str) -> list[Column]:
+def _stated_columns(
+    role: Role, stated: ColumnsSheet, heads: list[Heading], at: str
+) -> list[Column]:
     """The columns that the experiment file states for a role."""
-    places = stated_places(role, _named(stated, role), heads, at, several=role in OF_READINGS)
+    places = stated_places(
+        role, _stated_names(stated, role), heads, at, several=role in OF_READINGS
+    )
     return [Column(place, heads[place], _role(role, heads[place])) for place in places]
 
 
 def stated_places(
     role: str, stated: list[str | int], heads: list[Heading], at: str, several: bool
 ) -> list[int]:
-    """Places of the columns of a header that are stated by name or number.
+    """Indices of the columns of a header that are stated by name or number.
 
     Args:
       role: key of `columns` that states them.
       stated: names, or numbers from 1.
       heads: the header.
-      at: its place, as messages name it.
-      several: whether one name may be that of several columns.
+      at: place of the header, for messages.
+      several: True if several columns may have one name.
 
     Raises:
       InputError: no such column, or more than one.
@@ -219,8 +225,8 @@ def stated_places(
         if not places or (len(places) > 1 and not several):
             count = "no column" if not places else f"{len(places)} columns"
             raise InputError(
-                f"{at}: columns.{role} = {shown(column)}: there is {count} of it; give a name or "
-                f"number of the header, which is {_listed(heads)}"
+                f"{at}: columns.{role} = {shown(column)}: it has {count} of that name; give a "
+                f"name or number of the header, which is {_header_text(heads)}"
             )
         found_places += places
     return found_places
@@ -235,13 +241,13 @@ def _role(role: Role, head: Heading) -> Role:
 def time_columns(
     stated: list[Column], columns: list[Column], time_unit: str | None, at: str
 ) -> tuple[Column | None, Column | None]:
-    """The column of times, and that of dates where the time of day has its own.
+    """The column of times, and that of dates if the time of day has a column of its own.
 
     Args:
       stated: columns that are stated to be times.
-      columns: all others.
-      time_unit: stated one, which tells times in several units apart.
-      at: place of the header, as messages name it.
+      columns: all other columns.
+      time_unit: stated unit, which distinguishes times in several units.
+      at: place of the header, for messages.
 
     Raises:
       InputError: several columns may be the time.
@@ -269,15 +275,15 @@ def time_columns(
 
 
 def _is_day(head: Heading) -> bool:
-    """True of a header that says date, or day, and no more."""
+    """True for a header that says date or day, and nothing else."""
     day = not head.name and TIME.named(head.unit) == "day"
     return day or (head.of_dates and not head.words - vocabulary.DATE)
 
 
 def _readings(columns: list[Column], unit: str | None, at: str) -> list[Column]:
-    """The columns of the mudline: those that say it most plainly, which have one name.
+    """The columns of the mudline: those with the plainest name, which they must share.
 
-    The same reading in another unit is left out: it is in the stated one, or in the first.
+    If readings are given in several units, those in the stated unit are taken, or in the first.
     """
     candidates = [column for column in columns if column.role in OF_READINGS]
     rank = min((column.heading.kind[1] for column in candidates if column.heading.kind), default=0)
@@ -302,12 +308,12 @@ def in_words(columns: list[Column]) -> str:
     return "columns " + " and ".join(shown(column.named) for column in columns[:3])
 
 
-def _listed(heads: list[Heading]) -> str:
+def _header_text(heads: list[Heading]) -> str:
     names = [shown(head.written) for head in heads[:4]]
     return (", ".join(names) + (", ..." if len(heads) > 4 else "")) if any(names) else "missing"
 
 
-def _without(heads: list[Heading], at: str, missing: bool) -> str:
+def _missing_column(heads: list[Heading], at: str, missing: bool) -> str:
     """The message about a header that lacks a time or a mudline."""
     header = "missing" if missing or not heads else ", ".join(head.written for head in heads[:4])
     header = header if len(header) <= 60 else shown(header)
@@ -318,9 +324,9 @@ def _without(heads: list[Heading], at: str, missing: bool) -> str:
 
 
 def _no_header(table: Table, at: str, width: int) -> str:
-    """The message about numbers without a header that may be anything."""
+    """The message about numbers without a header."""
     if not table.rows:
-        return _without([], at, True)
+        return _missing_column([], at, True)
     if width < 2:
         return (
             f"{at}: has one column, {shown(table.rows[0].cells[0])}; separate times and readings "

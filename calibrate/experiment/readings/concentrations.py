@@ -1,7 +1,7 @@
-"""Concentrations: what a number may be one of, how a header says so, and its volume fraction.
+"""Kinds of concentration: their names in headers, and their conversion to volume fractions.
 
-All are of the particles without their coating. A coating stays with its particles: in a suspension
-that is diluted each has as much of it.
+All are concentrations of the particles without their coating. The coating stays on its particles:
+each has as much of it in a diluted suspension.
 """
 
 import re
@@ -21,11 +21,11 @@ class Kind(NamedTuple):
     """A kind of concentration, and its unit."""
 
     way: str
-    """The key of a composition that states it."""
+    """Key of the composition that states it."""
     factor: float
-    """On a number, for that key."""
+    """Factor from a number to the value of that key."""
     said: str
-    """A number of it in words."""
+    """Format of a number in words."""
     inverse: bool = False
     """True if the number is one over that of the key."""
 
@@ -84,14 +84,14 @@ def kind_of(text: str) -> str | None:
 
 
 def names_a_concentration(text: str) -> bool:
-    """True if a header is that of concentrations, of whichever kind."""
+    """True if a header names a concentration of any kind."""
     return kind_of(text) is not None or bool(
         set(_TOKENS.findall(plain(text))) & vocabulary.CONCENTRATION
     )
 
 
 def alike(kind: str, other: str) -> bool:
-    """True if two kinds are one: of g/L and kg/m3 the numbers are the same."""
+    """True if two kinds have the same numbers, as g/L and kg/m3 do."""
     first, second = KINDS[kind], KINDS[other]
     return first[:2] + first[3:] == second[:2] + second[3:]
 
@@ -100,10 +100,10 @@ def kind_as_stated(kind: str | None, stated: str | None, column: str, at: str) -
     """The kind of a column of concentrations: that of its header, or as stated.
 
     Args:
-      kind: that the header names, None where it names none.
-      stated: that of the experiment file.
+      kind: kind that the header names; None if it names none.
+      stated: kind that the experiment file states; None if it states none.
       column: name of the column.
-      at: place of the header, as messages name it.
+      at: place of the header, for messages.
 
     Raises:
       InputError: header and experiment file contradict each other, or neither names a kind.
@@ -132,7 +132,7 @@ def volume_fraction(kind: str, value: float, recipe: Recipe) -> float:
     Args:
       kind: one of `KINDS`.
       value: above zero.
-      recipe: the densities, and how much coating there is for a particle.
+      recipe: recipe, with the densities and the amount of coating.
 
     Raises:
       InputError: a concentration that no suspension of these particles has.
@@ -154,7 +154,7 @@ def local_fraction(kind: str, value: float, recipe: Recipe) -> float:
     Args:
       kind: one of `KINDS`.
       value: zero or above.
-      recipe: the densities, and how much coating there is for a particle.
+      recipe: recipe, with the densities and the amount of coating.
 
     Raises:
       InputError: more than solids alone.
@@ -182,7 +182,7 @@ def _fraction(kind: str, value: float, recipe: Recipe) -> float | None:
 
 
 def _by_weight(particle: float, recipe: Recipe) -> dict[str, float]:
-    """Weight fractions of so many particles, their coating and fluid; below 0: none is left."""
+    """Weight fractions of particles, their coating and fluid; negative if no fluid is left."""
     composition, phases = recipe.composition, recipe.phases
     coating = phases.layer * (phases.coating or 0.0) / phases.particle
     if composition.particle is not None:
@@ -202,4 +202,4 @@ def _checked(word: str, field: ValidationInfo) -> str:
 
 
 OF_CONCENTRATION = AfterValidator(_checked)
-"""A validator for a field that names a kind of concentration; gives its one name."""
+"""A validator for a field that names a kind of concentration; gives its standard name."""

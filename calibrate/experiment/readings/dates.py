@@ -53,7 +53,7 @@ def is_date(text: str) -> bool:
 
 
 def is_of_day(text: str) -> bool:
-    """True if a time of a clock is one of the day, with AM or PM behind it."""
+    """True if a clock time is a time of day, with AM or PM behind it."""
     match = _CLOCK.fullmatch(text)
     return match is not None and match["half"] is not None
 
@@ -84,23 +84,23 @@ def dates(cells: Sequence[Cell], stated: str | None) -> list[datetime]:
     """The dates of a column, (T,).
 
     Args:
-      cells: of one column.
-      stated: format as `strptime` takes it, such as `%d/%m/%Y %H:%M`.
+      cells: cells of one column.
+      stated: format for `strptime`, such as `%d/%m/%Y %H:%M`; None to find it.
 
     Raises:
       InputError: a cell that is no date, or can be read two ways.
     """
     if stated is not None:
-        return [_of_format(cell, stated) for cell in cells]
+        return [_date_in_format(cell, stated) for cell in cells]
     orders = _orders(cells)
     readable: dict[str, list[datetime]] = {}
     for order, formats in orders.items():
-        parsed = takewhile(bool, (_parsed(_plain(cell.text), formats) for cell in cells))
+        parsed = takewhile(bool, (_parse(_plain(cell.text), formats) for cell in cells))
         values = [date for date in parsed if date is not None]
         if len(values) == len(cells):
             readable[order] = values
     if not readable:
-        raise _of_no_order(cells, orders)
+        raise _order_error(cells, orders)
     first_order, *others = readable.items()
     for order, values in others:
         for cell, first, second in zip(cells, first_order[1], values, strict=True):
@@ -154,11 +154,11 @@ def _orders(cells: Sequence[Cell]) -> dict[str, list[str]]:
     }
 
 
-def _of_no_order(cells: Sequence[Cell], orders: dict[str, list[str]]) -> InputError:
-    """The error of the first cell that no order can read, or not the order of the others."""
+def _order_error(cells: Sequence[Cell], orders: dict[str, list[str]]) -> InputError:
+    """The error of the first cell that no order can read, or that has another order."""
     for number in range(1, len(cells) + 1):
         plain = [_plain(cell.text) for cell in cells[:number]]
-        if not any(all(_parsed(text, formats) for text in plain) for formats in orders.values()):
+        if not any(all(_parse(text, formats) for text in plain) for formats in orders.values()):
             break
     return cells[number - 1].refuse(
         "is no date that exists, or not in the order of the others; write it as 2024-01-31 or "
@@ -166,7 +166,7 @@ def _of_no_order(cells: Sequence[Cell], orders: dict[str, list[str]]) -> InputEr
     )
 
 
-def _of_format(cell: Cell, pattern: str) -> datetime:
+def _date_in_format(cell: Cell, pattern: str) -> datetime:
     """The date of a cell in a stated format, with or without a time of day behind it."""
     for text in (cell.text, cell.text.replace("T", " ")):
         for time in TIMES:
@@ -191,8 +191,8 @@ def _plain(text: str) -> str:
     return f"{day} {re.sub(r'(?<=[0-9])(?=[AaPp])', ' ', time.replace(',', '.')).upper()}".strip()
 
 
-def _parsed(text: str, formats: list[str]) -> datetime | None:
-    """A date in one of some formats; the one that fits comes to the front for the next cell."""
+def _parse(text: str, formats: list[str]) -> datetime | None:
+    """A date in one of several formats; the one that fits moves to the front for the next cell."""
     zone = re.fullmatch(r"(.*:\d\d(?:\.\d+)?)\s*(Z|[+-]\d\d:?\d\d)", text)
     if zone is not None:
         text = zone[1]

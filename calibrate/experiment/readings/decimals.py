@@ -8,7 +8,7 @@ from calibrate.experiment.readings.cells import Cell
 from calibrate.experiment.readings.dates import is_clock_or_date
 
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2},\d{3}")
-"""Numbers that may be 1701 as well as 1.701."""
+"""Numbers such as 1,701, which may be 1701 or 1.701."""
 
 
 def decimal_mark(numbers: Iterable[Cell], delimiter: str, stated: str | None) -> str:
@@ -18,9 +18,9 @@ def decimal_mark(numbers: Iterable[Cell], delimiter: str, stated: str | None) ->
     shows that it separates no thousands.
 
     Args:
-      numbers: cells of times and readings, those that are no numbers, too.
-      delimiter: between columns, "" of a workbook.
-      stated: in the experiment file.
+      numbers: cells of times and readings; those without numbers are ignored.
+      delimiter: mark between columns, "" for a workbook.
+      stated: mark that the experiment file states; None to find it.
 
     Raises:
       InputError: two marks in a number, both marks in a file, another mark than the stated one, or

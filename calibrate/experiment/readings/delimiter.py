@@ -1,4 +1,4 @@
-"""The delimiter of a text: found by which one parts its lines into readings, or stated."""
+"""The delimiter of a text: the mark that splits its lines into readings, or the stated one."""
 
 import csv
 import re
@@ -11,18 +11,18 @@ from mrjax import InputError
 from mrjax.core.errors import shown
 
 NAMES = {"\t": "tabs", ";": "semicolons", ",": "commas", "|": "bars", " ": "spaces"}
-"""Delimiters in the order in which they are tried: commas and spaces stand in cells, too."""
+"""Delimiters in the order of their trial; commas and spaces also occur within cells."""
 STATED = {
     **{mark: mark for mark in NAMES},
     **{"comma": ",", "semicolon": ";", "tab": "\t", "\\t": "\t", "bar": "|", "space": " "},
 }
 """Delimiters by the words of an experiment file."""
 IN_CELLS = ", "
-"""Those that stand in cells."""
+"""Delimiters that occur within cells."""
 NEARLY_ALL = 0.8
-"""Part of the most lines of readings that a mark must give which stands in no cell."""
+"""Share of the largest number of lines of readings that a mark must give if it is in no cell."""
 LOOKED_AT = 200
-"""Lines by which a delimiter is found."""
+"""Number of lines in which the delimiter is searched."""
 _WORDS = re.compile(r"[^\s(\[]+(?:\s*(?:\([^)]*\)|\[[^\]]*\])[^\s(\[]*)*")
 """A word, with what stands in brackets behind it, such as its unit."""
 
@@ -30,18 +30,18 @@ Line = tuple[int, str]
 
 
 def delimiter_of(lines: list[Line], stated: str | None, path: str) -> str:
-    """The delimiter that parts most lines into two readings or more, or the stated one.
+    """The delimiter that splits most lines into two readings or more, or the stated one.
 
     Args:
-      lines: neither empty nor comments.
-      stated: in the experiment file.
-      path: as messages name it.
+      lines: lines that are neither empty nor comments.
+      stated: delimiter that the experiment file states; None to find it.
+      path: path of the file, for messages.
 
     Raises:
       InputError: a stated delimiter that is not known, or that no line has.
     """
     if stated is not None:
-        return _stated(stated, lines, path)
+        return _stated_delimiter(stated, lines, path)
     beginning = lines[:LOOKED_AT]
     counts = {mark: _counts(beginning, mark) for mark in NAMES}
     most = max(readings for readings, _ in counts.values())
@@ -66,13 +66,13 @@ def rows(lines: Iterable[Line], delimiter: str, path: str) -> Iterator[Row]:
     first_line = 0
     behind_quote = re.compile(rf'"[ ]+(?={re.escape(delimiter)}|$)')
 
-    def told() -> Iterator[str]:
+    def numbered_lines() -> Iterator[str]:
         nonlocal first_line
         for number, line in lines:
             first_line = first_line or number
             yield behind_quote.sub('"', line) + "\n"
 
-    reader = csv.reader(told(), delimiter=delimiter, strict=True, skipinitialspace=True)
+    reader = csv.reader(numbered_lines(), delimiter=delimiter, strict=True, skipinitialspace=True)
     while True:
         first_line = 0
         try:
@@ -87,7 +87,7 @@ def rows(lines: Iterable[Line], delimiter: str, path: str) -> Iterator[Row]:
         yield Row(first_line, [" ".join(cell.split()) for cell in row])
 
 
-def _stated(stated: str, lines: list[Line], path: str) -> str:
+def _stated_delimiter(stated: str, lines: list[Line], path: str) -> str:
     mark = STATED.get(stated if stated in NAMES else stated.strip().casefold())
     if mark is None:
         raise InputError(
@@ -102,9 +102,9 @@ def _stated(stated: str, lines: list[Line], path: str) -> str:
 
 
 def _counts(lines: list[Line], mark: str) -> tuple[int, int]:
-    """Lines of readings, and lines of at least two cells among these and their header.
+    """Numbers of lines with readings, and of lines with two cells or more from the header on.
 
-    Sentences above the header have any number of words.
+    Sentences above the header are not counted: they have any number of words.
     """
     parted = [_cells(line, mark) for line in lines]
     readings = [place for place, parts in enumerate(parted) if _has_readings(parts)]

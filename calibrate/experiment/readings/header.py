@@ -13,7 +13,7 @@ def header(table: Table, accepts: Callable[[Row], bool]) -> tuple[Row | None, li
 
     Args:
       table: rows of the file.
-      accepts: true of a row that names what is looked for.
+      accepts: function that is true for a row with the names of the needed columns.
 
     Returns:
       the header, None where the table begins with numbers, and the rows below it.

@@ -1,4 +1,4 @@
-"""Cells of a header: the role of a column, and the unit of what stands in it."""
+"""Cells of a header: the role of a column, and its unit."""
 
 import re
 import unicodedata
@@ -11,17 +11,17 @@ from calibrate.experiment.units import HEIGHT, RATIO, READINGS, TIME, VOLUME
 Role = Literal["time", "mudline", "sedimentation_ratio", "supernatant", "standard_deviation"]
 OF_READINGS: tuple[Role, ...] = ("mudline", "sedimentation_ratio", "supernatant")
 Kind = tuple[Role, int]
-"""A role and a rank: of several columns that may be the mudline the least is."""
+"""A role and a rank: of several columns that may be the mudline, the one of lowest rank is."""
 INITIAL = re.compile(r"[a-z][\s_]?[0o]")
 """The symbol of an initial value: `h0`."""
 RATIO_OF_SYMBOLS = re.compile(r"(h|v|z)\s*/\s*(h|v|z)[\s_]*[0o]?(?:[\s_#.]+\d+)?")
 """`h/h0`, and `h/h0 2` of repeats."""
 ALONE_NO_UNIT = ("h", "1", "y", "-", "in")
-"""Headers that are names or nothing, though units have these names, too."""
+"""Headers that are names or empty, although units have these names, too."""
 DASHES = ("-", "\N{EN DASH}", "\N{MINUS SIGN}")
-"""In the place of the unit of a number without one."""
+"""Marks in place of a unit for numbers without one."""
 NO_UNIT_BEHIND = ("1", "-", "in")
-"""Last words of a header that are no unit of it."""
+"""Last words of a header that are not its unit."""
 _IN_BRACKETS = re.compile(r"[(\[{<]\s*([^()\[\]{}<>]*?)\s*[)\]}>]")
 _BRACKETS = re.compile(r"[\(\[].*?[\)\]]")
 
@@ -30,13 +30,13 @@ class Heading(NamedTuple):
     """A cell of a header."""
 
     written: str
-    """As it is in the file."""
+    """Text in the file."""
     name: str
-    """Without its unit, in small letters."""
+    """Name without the unit, in small letters."""
     unit: str
-    """The word in the place of a unit, "" if there is none."""
+    """Word in place of the unit, "" if there is none."""
     explicit: bool
-    """True if the unit stands in brackets or behind a stroke, where nothing else does."""
+    """True if the unit stands in brackets or behind a slash, where nothing else does."""
 
     @property
     def words(self) -> set[str]:
@@ -45,7 +45,7 @@ class Heading(NamedTuple):
 
     @property
     def kind(self) -> Kind | None:
-        """The role of its column and the rank among others; None if it has none."""
+        """Role of its column, and rank among others of the role; None if it has no role."""
         words = self.words
         if words & vocabulary.ERROR or self.name in ("±", "+/-"):
             return None if words & vocabulary.TIME else ("standard_deviation", 0)
@@ -53,7 +53,7 @@ class Heading(NamedTuple):
             foreign = self.unit in FOREIGN and self.name == "t"
             return None if foreign else ("time", 1 if self.of_dates else 0)
         if not self.name:
-            return _of_unit_alone(self.unit)
+            return _kind_of_unit(self.unit)
         if words & vocabulary.OTHER - {"initial", "total", "liquid", "water", "number"}:
             return None
         if words & vocabulary.CLEAR and not words & vocabulary.INTERFACE:
@@ -62,7 +62,7 @@ class Heading(NamedTuple):
         relative = words & vocabulary.RELATIVE and words & heights
         if words & vocabulary.RATIO or relative or RATIO_OF_SYMBOLS.fullmatch(self.name):
             return "sedimentation_ratio", 5
-        return _of_height(self.name, words, self.unit)
+        return _kind_of_height(self.name, words, self.unit)
 
     @property
     def of_dates(self) -> bool:
@@ -76,7 +76,7 @@ class Heading(NamedTuple):
 
     @property
     def base(self) -> str:
-        """The name without what tells repeats apart: numbers, a letter, words in brackets."""
+        """The name without marks of a repeat: numbers, a letter, words in brackets."""
         words = re.findall(r"[^\W\d_]+", _BRACKETS.sub(" ", self.name))
         own = [word for word in words if word not in vocabulary.REPEAT]
         longer = [word for word in own if len(word) > 1]
@@ -84,7 +84,7 @@ class Heading(NamedTuple):
 
 
 def heading(written: str) -> Heading:
-    """A cell of a header, taken apart.
+    """Splits a cell of a header into its name and its unit.
 
     `Time (min)`, `h [mm]`, `t/d`, `mudline_mm`, `height in cm`, `min`.
     """
@@ -118,7 +118,7 @@ def heading(written: str) -> Heading:
 
 
 def _fits(head: Heading) -> bool:
-    """True if the last word may be the unit of its column: `min` of `h_min` is none of a height."""
+    """True if the unit suits the role of the column: `min` of `h_min` is no unit of a height."""
     if head.kind is None:
         return True
     of_time = TIME.named(head.unit) is not None or head.unit in HOURS_FIRST | MINUTES_FIRST
@@ -142,7 +142,7 @@ def _is_unit(word: str) -> bool:
     return bool(known) or word in HOURS_FIRST | MINUTES_FIRST | FOREIGN
 
 
-def _of_unit_alone(unit: str) -> Kind | None:
+def _kind_of_unit(unit: str) -> Kind | None:
     """The kind of a column whose header is a unit: `min`, `(mm)`."""
     if TIME.named(unit) or unit in HOURS_FIRST | MINUTES_FIRST:
         return "time", 1
@@ -151,7 +151,7 @@ def _of_unit_alone(unit: str) -> Kind | None:
     return ("mudline", 4) if READINGS.named(unit) else None
 
 
-def _of_height(name: str, words: set[str], unit: str) -> Kind | None:
+def _kind_of_height(name: str, words: set[str], unit: str) -> Kind | None:
     """The kind of a column that may be a mudline by its words."""
     if words & vocabulary.INTERFACE or "mud line" in name:
         return "mudline", 1

@@ -13,24 +13,24 @@ from mrjax.core.errors import shown
 
 Role = Literal["time", "height", "concentration", "standard_deviation"]
 FROM_ABOVE = frozenset(["depth", "depths", "top", "surface", "below", "tiefe", "profondeur"])
-"""Words of a height that is not told from the floor."""
+"""Words of a height that is not measured from the floor."""
 
 
 class LocalLayout(NamedTuple):
     """Columns of a table by what they hold, and the rows below the header."""
 
     axis: Column
-    """Times, or heights."""
+    """Column of the times, or of the heights."""
     date: Column | None
     """The date of a time of day that has a column of its own."""
     concentrations: list[Column]
-    """Once or with their repeats."""
+    """Columns of the concentrations: one, or several repeats."""
     error: Column | None
     others: list[Column]
     width: int
     rows: list[Row]
     at: str
-    """The place of the header, as messages name it."""
+    """Place of the header, for messages."""
 
 
 def layout(table: Table, sheet: LocalSheet) -> LocalLayout:
@@ -38,10 +38,10 @@ def layout(table: Table, sheet: LocalSheet) -> LocalLayout:
 
     Args:
       table: rows of the file.
-      sheet: what is stated of them; with a height a file of times, with a time one of heights.
+      sheet: settings of the file. With a height it is a file of times, with a time one of heights.
 
     Raises:
-      InputError: a header without them, or that names two of one.
+      InputError: the header lacks a column, or names one twice.
     """
     by_time = sheet.height is not None
     row, rows = header(table, lambda line: _accepts(line, by_time))
@@ -54,8 +54,8 @@ def layout(table: Table, sheet: LocalSheet) -> LocalLayout:
             columns[0]._replace(role=role),
             columns[1]._replace(role="concentration"),
         ]
-    axis = _stated(role, sheet, columns, at)
-    concentrations = _stated("concentration", sheet, columns, at)
+    axis = _stated_columns(role, sheet, columns, at)
+    concentrations = _stated_columns("concentration", sheet, columns, at)
     concentrations = concentrations or _concentrations(columns, sheet, at)
     date = None
     if by_time:
@@ -63,13 +63,13 @@ def layout(table: Table, sheet: LocalSheet) -> LocalLayout:
         axis = [time] if time else []
     axis = axis or _only([column for column in columns if column.role == role], role, at)
     if not axis or not concentrations:
-        raise InputError(_without(columns, by_time, at))
-    errors = _stated("standard_deviation", sheet, columns, at)
+        raise InputError(_missing_column(columns, by_time, at))
+    errors = _stated_columns("standard_deviation", sheet, columns, at)
     errors = errors or [column for column in columns if column.role == "standard_deviation"]
     errors = _only(errors, "standard_deviation", at)
     used = [column.place for column in (*axis, *concentrations, *errors)]
     if len(set(used)) < len(used):
-        raise InputError(f"{at}: columns has one twice; mend it")
+        raise InputError(f"{at}: columns names one column twice; mend it")
     used += [date.place] if date else []
     others = [
         column
@@ -96,7 +96,7 @@ def _accepts(row: Row, by_time: bool) -> bool:
     return {"concentration", "time" if by_time else "height"} <= roles
 
 
-def _stated(role: Role, sheet: LocalSheet, columns: list[Column], at: str) -> list[Column]:
+def _stated_columns(role: Role, sheet: LocalSheet, columns: list[Column], at: str) -> list[Column]:
     """The columns that the experiment file states for a role."""
     named = getattr(sheet.columns, role)
     stated = named if isinstance(named, list) else [named] if named is not None else []
@@ -121,7 +121,7 @@ def _concentrations(columns: list[Column], sheet: LocalSheet, at: str) -> list[C
 
 
 def _only(columns: list[Column], role: str, at: str) -> list[Column]:
-    """The one column of a role, or none."""
+    """The only column of a role, or none."""
     if len(columns) > 1:
         raise InputError(
             f"{at}: {in_words(columns)} may be the {role}; state columns = {{{role} = "
@@ -130,7 +130,7 @@ def _only(columns: list[Column], role: str, at: str) -> list[Column]:
     return columns
 
 
-def _without(columns: list[Column], by_time: bool, at: str) -> str:
+def _missing_column(columns: list[Column], by_time: bool, at: str) -> str:
     """The message about a header that lacks a column."""
     written = ", ".join(column.heading.written for column in columns[:4])
     axis, stated = ("time", "height") if by_time else ("height", "time")

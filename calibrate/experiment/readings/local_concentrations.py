@@ -1,10 +1,10 @@
-"""A table of concentrations at a height by time, or at a time by height, as numbers with units.
+"""A table of concentrations, at one height against time, or at one time against height.
 
     time (min),c (g/L)          height (cm),phi
     0,250                       1,0.31
     5,248                       2,0.24
 
-Numbers are volume fractions of the particles without their coating, whatever the file has.
+They are converted to volume fractions of the particles without their coating.
 """
 
 import math
@@ -35,9 +35,9 @@ from mrjax import InputError
 from mrjax.core.errors import shown
 
 FEWEST = 2
-"""Readings of a table."""
+"""Fewest readings of a table."""
 STEP = 1e-6
-"""Step of a concentration, over the largest: its slope makes an error one of volume fractions."""
+"""Step of a concentration, over the largest one, for the slope that converts errors."""
 
 
 class Written(NamedTuple):
@@ -53,13 +53,13 @@ class Axis(NamedTuple):
     """Times or heights of readings, (N,)."""
 
     values: list[float]
-    """In s, or in m."""
+    """Times, s, or heights, m."""
     unit: str
-    """Unit in which a person tells them."""
+    """Unit for reports."""
     si: float
-    """The unit in s or m."""
+    """One unit in s or m."""
     form: str
-    """Form in which they are written: a unit, `as hh:mm`, `as dates`."""
+    """Form in the file: a unit, `as hh:mm`, `as dates`."""
 
 
 class LocalConcentration(NamedTuple):
@@ -70,7 +70,7 @@ class LocalConcentration(NamedTuple):
     value: float
     """Volume fraction of the uncoated particles; 1."""
     error: float
-    """Its standard deviation; NaN where none is stated."""
+    """Its standard deviation; NaN if none is stated."""
     row: int
     """Number of the row in the file."""
 
@@ -81,7 +81,7 @@ class LocalConcentrations(NamedTuple):
     readings: list[LocalConcentration]
     axis: Axis
     unit: str
-    """Unit in which volume fractions are told: `1` or `%`."""
+    """Unit of volume fractions in reports: `1` or `%`."""
     understood: LocalUnderstood
 
 
@@ -92,17 +92,18 @@ def read(
     height: float,
     thickness: float,
 ) -> LocalConcentrations:
-    """The concentrations of a file, every number checked.
+    """Reads the concentrations of a file, and checks every number.
 
     Args:
-      sheet: the file, and what is stated of it.
-      folder: that of the experiment file, from which paths are.
-      fraction: the volume fraction of a concentration of a kind.
-      height: of the suspension, m.
-      thickness: of the layer that a reading averages over, m.
+      sheet: the file and its settings.
+      folder: folder of the experiment file, to which paths are relative.
+      fraction: function from a kind and a concentration to the volume fraction.
+      height: height of the suspension, m.
+      thickness: thickness of the layer that a reading averages over, m.
 
     Raises:
-      InputError: the file, its header or a row cannot be used: the file, the line and the remedy.
+      InputError: the file, its header or a row cannot be used; the message has the line and the
+        remedy.
     """
     table = only_table(
         rows.tables(sheet, folder),
@@ -143,9 +144,9 @@ def read(
 
 
 def _refuse_other_places(table: Table, columns: LocalLayout, sheet: LocalSheet) -> None:
-    """Refuses rows of another height or time than the stated one, which a column tells.
+    """Refuses rows of another height or time than the stated one, as another column shows.
 
-    That is one that is not read, unless columns are stated.
+    Nothing is refused if the columns are stated.
     """
     if sheet.columns != LocalColumnsSheet():
         return
@@ -263,7 +264,7 @@ def _unit_of_heights(columns: LocalLayout, sheet: LocalSheet) -> str:
     head, column = columns.axis.heading, shown(columns.axis.named)
     if head.words & FROM_ABOVE:
         raise InputError(
-            f"{columns.at}: column {column} is told from above; give heights from the floor"
+            f"{columns.at}: column {column} is measured from above; give heights from the floor"
         )
     unit = LEVEL.named(head.unit) if head.unit else None
     if RATIO_OF_SYMBOLS.fullmatch(head.written.casefold().strip()):
@@ -290,7 +291,7 @@ def _unit_of_heights(columns: LocalLayout, sheet: LocalSheet) -> str:
 def _errors(
     written: list[Written], columns: LocalLayout, sheet: LocalSheet, kind: str, mark: str
 ) -> list[float]:
-    """Standard deviations in the unit of the concentrations; NaN where none is given."""
+    """Standard deviations in the unit of the concentrations; NaN without one."""
     if columns.error is not None:
         kind_of_errors = kind_of(columns.error.heading.written)
         other = kind_of_errors is not None and not concentrations.alike(kind_of_errors, kind)

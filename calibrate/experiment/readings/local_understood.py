@@ -7,7 +7,7 @@ from calibrate.experiment.readings.understood import FileUnderstood, between
 
 @dataclass(frozen=True, kw_only=True)
 class LocalUnderstood(FileUnderstood):
-    """Record of how a file of concentrations by time or by height was read."""
+    """Record of how a file of concentrations against time or height was read."""
 
     at: str
     """Height or time of the readings, in words."""
@@ -18,7 +18,7 @@ class LocalUnderstood(FileUnderstood):
     axis_form: str
     """Unit of the times or heights, or form of the times: `hh:mm`, `dates`."""
     axis_unit: str
-    """Unit in which times or heights are told."""
+    """Unit of times or heights in reports."""
     concentration: str
     """Kind of the concentrations in the file."""
     unit: str
@@ -28,7 +28,7 @@ class LocalUnderstood(FileUnderstood):
     last: tuple[float, float]
     """Time or height and volume fraction of the last reading, in their units."""
     standard_deviation: tuple[float, float] | None
-    """Least and greatest stated one, in the unit of the volume fractions."""
+    """Smallest and largest stated standard deviation, in the unit of the volume fractions."""
 
     def _read(self) -> str:
         form = f"in {self.axis_form}" if self.axis_form == self.axis_unit else self.axis_form

@@ -1,4 +1,4 @@
-"""The readings of a table: a time and a value each, with the cells they come from."""
+"""The readings of a table: the cells of their times, values and errors."""
 
 from typing import NamedTuple
 
@@ -18,7 +18,7 @@ class Point(NamedTuple):
     time: Cell
     reading: Cell
     error: Cell | None
-    """None where no column has its error, or the cell is empty."""
+    """None if no column has its error, or the cell is empty."""
 
 
 class Points(NamedTuple):
@@ -35,7 +35,7 @@ def points(table: Table, layout: Layout, date_format: str | None = None) -> Poin
     Args:
       table: rows of the file.
       layout: the columns.
-      date_format: stated form of the times, which may look like none that is known.
+      date_format: stated format of the times, which may be an unusual one.
 
     Raises:
       InputError: a row of more cells than the header, fewer than two readings, or a row without a
@@ -102,10 +102,10 @@ def _error(at: str, row: Row, reading: Column, layout: Layout) -> Cell | None:
 
 
 def with_date(time: Cell, date: str) -> Cell:
-    """The time of a row behind its date or day, where that has a column of its own.
+    """The time of a row with its date or day in front, if these have a column of their own.
 
     Args:
-      time: its cell.
+      time: cell of the time.
       date: text of the date or number of the day, "" without one.
     """
     if not date or not is_clock(time.text):

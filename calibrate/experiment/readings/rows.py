@@ -10,15 +10,15 @@ from mrjax import InputError
 from mrjax.io import reading
 
 MOST_BYTES = 10**7
-"""Size of a file beyond which it is no curve that anyone has measured."""
+"""Largest size of a file of readings, bytes."""
 MOST_POINTS = 100_000
-"""Rows."""
+"""Most rows of readings."""
 COMMENTS = ("#", "%", "//")
 """Beginnings of a comment."""
 OLD_EXCEL = b"\xd0\xcf\x11\xe0"
 WORKBOOK = b"PK\x03\x04"
 _SEPARATOR = re.compile(r'"?sep=(.)"?', re.IGNORECASE)
-"""First line of what a spreadsheet has saved to open it again."""
+"""First line by which some spreadsheets state their delimiter."""
 
 
 def tables(sheet: FileSheet, folder: Path) -> list[Table]:

@@ -1,33 +1,33 @@
 """The scatter of readings without a stated error, estimated from the readings themselves.
 
 Each reading is compared with the parabola through three neighbours on both sides of it, or with the
-line through two where readings are few. For scatter of standard deviation s the distance has
-s (1 + w . w)^(1/2), where w are the weights of the neighbours. Repeats at one time are compared
-with their mean. A bend that the parabola does not follow counts as scatter, so that a sparse curve
-has a large error.
+line through two neighbours if readings are few. For readings of standard deviation s the distance
+has the standard deviation s (1 + w . w)^(1/2), where w are the weights of the neighbours. Repeats
+at one time are compared with their mean. A bend that the parabola does not follow counts as
+scatter, so that a sparse curve has a large error.
 """
 
 import numpy as np
 
 FEWEST = 3
-"""Distances below which the scatter is taken from the height alone."""
+"""Fewest distances for an estimate; with fewer the scatter follows from the height alone."""
 WITHOUT_READINGS = 0.01
-"""Error of readings that are too few to tell, as a share of the height of the suspension."""
+"""Error of too few readings for an estimate, as a share of the height of the suspension."""
 LEAST = 1e-3
 """Least error by eye or camera, as a share of the height of the suspension."""
 MEDIAN_OF_NORMAL = 0.6745
 """Median of the absolute value of a standard normal number."""
 FOR_A_PARABOLA = 5
-"""Different times."""
+"""Fewest different times for parabolas."""
 
 
 def scatter(times: list[float], values: list[float], height: float) -> float:
     """The estimated standard deviation of a reading, in the unit of the values.
 
     Args:
-      times: of the readings, in order, (T,).
-      values: of the readings, (T,).
-      height: of the suspension, in the unit of the values.
+      times: times of the readings, in order, (T,).
+      values: values of the readings, (T,).
+      height: height of the suspension, in the unit of the values.
     """
     time, place, count = np.unique(times, return_inverse=True, return_counts=True)
     read = np.asarray(values, float)
@@ -35,7 +35,7 @@ def scatter(times: list[float], values: list[float], height: float) -> float:
     spread = np.sqrt(1.0 - 1.0 / np.maximum(2, count[place]))
     distances = [((read - mean[place]) / spread)[count[place] > 1]]
     neighbours = 3 if time.size >= FOR_A_PARABOLA else 2
-    with np.errstate(all="ignore"):  # of times a rounding apart the weights have no bound
+    with np.errstate(all="ignore"):  # weights are unbounded if times differ by rounding
         for inner in range(1, neighbours):
             distances.append(_from_polynomial(time, mean, 1.0 / count, neighbours, inner))
     sizes = np.abs(np.concatenate(distances))
@@ -53,7 +53,7 @@ def _from_polynomial(
     Args:
       time: different times in order, (T,).
       mean: readings at them, (T,).
-      variance: of the readings for s = 1, (T,).
+      variance: variance of the readings for s = 1, (T,).
       neighbours: readings that the polynomial goes through.
       inner: how many of them come before the one that is compared.
     """
@@ -63,7 +63,7 @@ def _from_polynomial(
     for neighbour in range(neighbours):
         rest = time[np.delete(others, neighbour, axis=1)]
         at, node = time[own][:, None], time[others[:, neighbour]][:, None]
-        weight = np.prod((at - rest) / (node - rest), axis=1)  # of Lagrange
+        weight = np.prod((at - rest) / (node - rest), axis=1)  # Lagrange weights
         distance -= weight * mean[others[:, neighbour]]
         square += weight**2 * variance[others[:, neighbour]]
     return distance / np.sqrt(square)

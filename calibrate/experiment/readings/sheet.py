@@ -1,4 +1,4 @@
-"""Files of readings in an experiment file, and what may be stated of each."""
+"""Files of readings in an experiment file, and their settings."""
 
 from datetime import date, datetime, time
 from typing import Annotated, Literal, Self
@@ -34,7 +34,7 @@ class ColumnsSheet(Sheet):
 
 
 class FileSheet(Sheet):
-    """A file of readings, and what may be stated of it whatever it holds."""
+    """A file of readings, with the settings that all kinds of files share."""
 
     file: FileName = Field(description="a CSV or .xlsx file, as a path from this file")
     delimiter: str | None = Field(default=None, description='",", ";", "\\t", "|" or " "')
@@ -53,7 +53,7 @@ class FileSheet(Sheet):
 
 
 class TimesSheet(FileSheet):
-    """A file of readings at times, and what may be stated of those."""
+    """A file of readings at times, with the settings of times."""
 
     time_unit: Annotated[str, spelled(TIME)] | None = Field(
         default=None, description=f"one of {', '.join(TIME.units)}"
@@ -70,7 +70,7 @@ class TimesSheet(FileSheet):
 
 
 class CurveSheet(TimesSheet):
-    """The table of a curve: its file, and what is not left to be found in it."""
+    """The table of a curve: its file and settings."""
 
     columns: ColumnsSheet = Field(
         default=ColumnsSheet(), description='a table such as {time = "t", mudline = "h"}'
@@ -102,7 +102,7 @@ class VelocityColumnsSheet(Sheet):
 
 
 class VelocitiesSheet(FileSheet):
-    """A table of velocities or fluxes by concentration: its file, and what is not to be found."""
+    """A table of velocities or fluxes against concentration: its file and settings."""
 
     columns: VelocityColumnsSheet = Field(
         default=VelocityColumnsSheet(),
@@ -156,7 +156,7 @@ class LocalColumnsSheet(Sheet):
 
 
 class LocalSheet(TimesSheet):
-    """A table of concentrations at a height by time, or at a time by height."""
+    """A table of concentrations, at one height against time, or at one time against height."""
 
     height: float | None = Field(
         default=None,

@@ -9,14 +9,14 @@ from mrjax import InputError
 from mrjax.core.errors import shown
 
 MOST_CELLS = 1000
-"""Columns beyond which a row is none of a curve."""
+"""Most columns of a row of readings."""
 
 
 class Row(NamedTuple):
     """Cells of a row, without blanks around them."""
 
     number: int
-    """In the file, from 1."""
+    """Number in the file, from 1."""
     cells: list[str]
 
     def cell(self, column: int) -> str:
@@ -33,7 +33,7 @@ class Table(NamedTuple):
     """Rows of a file that are neither empty nor a comment."""
 
     path: str
-    """File and sheet, as messages name them."""
+    """File and sheet, for messages."""
     word: str
     """Word for a row: `line` of a text, `row` of a workbook."""
     rows: list[Row]
@@ -45,7 +45,7 @@ class Table(NamedTuple):
     """Character between columns; "" of a workbook."""
 
     def at(self, row: Row) -> str:
-        """The place of a row, as messages name it."""
+        """The place of a row, for messages."""
         return f"{self.path}, {self.word} {row.number}"
 
 
@@ -55,17 +55,18 @@ def only_table(
     """The one table of a file that has readings.
 
     Args:
-      tables: of the file, one at least.
-      has_readings: true of a table whose columns can be read; may raise InputError of another.
-      path: of the file, as messages name it.
-      several, none: what a message says that the file has, where it is not one.
+      tables: tables of the file, at least one.
+      has_readings: function that is true for a table with readings; for others it may raise
+        InputError.
+      path: path of the file, for messages.
+      several, none: words of the message if several tables have readings, or none.
 
     Raises:
-      InputError: none of several has readings, or more than one.
+      InputError: there are several tables, and none or more than one of them has readings.
     """
     if len(tables) == 1:
         return tables[0]
-    readable = [table for table in tables if _passes(has_readings, table)]
+    readable = [table for table in tables if _is_readable(has_readings, table)]
     if len(readable) == 1:
         return readable[0]
     names = ", ".join(shown(table.facts["sheet"]) for table in (readable or tables)[:4])
@@ -73,7 +74,7 @@ def only_table(
     raise InputError(f"{path}: has {fault}: {names}; state sheet, or give each its header")
 
 
-def _passes(has_readings: Callable[[Table], bool], table: Table) -> bool:
+def _is_readable(has_readings: Callable[[Table], bool], table: Table) -> bool:
     try:
         return has_readings(table)
     except InputError:
@@ -84,7 +85,7 @@ def refuse_wider(at: str, row: Row, width: int) -> None:
     """Refuses a row of more cells than there are columns.
 
     Raises:
-      InputError: it has: its place and the remedy.
+      InputError: it has more; the message has its place and the remedy.
     """
     if row.width > width:
         raise InputError(
@@ -94,14 +95,14 @@ def refuse_wider(at: str, row: Row, width: int) -> None:
 
 
 def refuse_some_errors(errors: Sequence[float], places: Sequence[str]) -> None:
-    """Refuses standard deviations that some rows have and others, NaN, have not.
+    """Refuses standard deviations that only some rows have; NaN stands for none.
 
     Args:
-      errors: of the readings.
-      places: of their rows, as messages name them.
+      errors: standard deviations of the readings.
+      places: places of their rows, for messages.
 
     Raises:
-      InputError: it is so: the first row without one.
+      InputError: some are missing; the message has the first row without one.
     """
     without = [at for error, at in zip(errors, places, strict=True) if math.isnan(error)]
     if without and len(without) < len(errors):

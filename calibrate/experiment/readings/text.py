@@ -1,4 +1,4 @@
-"""Text of a file, in whatever encoding an instrument or a spreadsheet has saved it."""
+"""Text of a file, in any encoding of instruments and spreadsheets."""
 
 import codecs
 from pathlib import Path
@@ -41,24 +41,24 @@ class Decoded(NamedTuple):
 def decoded(content: bytes, path: Path, stated: str | None) -> Decoded:
     """The text of a file.
 
-    A mark at the beginning says UTF-8 or UTF-16, zeros in every other place say UTF-16; else it is
-    UTF-8 where it can be, and Latin-1 where not.
+    A mark at the beginning means UTF-8 or UTF-16, and zeros in every other byte mean UTF-16. Other
+    text is UTF-8 if it can be read so, and else Latin-1.
 
     Args:
-      content: of the file.
-      path: as messages name it.
-      stated: encoding of the experiment file.
+      content: content of the file.
+      path: path of the file, for messages.
+      stated: encoding that the experiment file states; None to find it.
 
     Raises:
-      InputError: an encoding that is not known or contradicts the file, or what is no text.
+      InputError: the encoding is not known or contradicts the file, or the file is no text.
     """
     mark = next((name for mark, name in MARKS.items() if content.startswith(mark)), None)
     if stated is not None:
-        candidates = [_stated(stated, mark, content, path)]
+        candidates = [_stated_codec(stated, mark, content, path)]
     elif mark is not None:
         candidates = [mark]
     else:
-        candidates = [*_without_mark(content), "utf-8", "cp1252", "latin-1"]
+        candidates = [*_codec_without_mark(content), "utf-8", "cp1252", "latin-1"]
     for name in candidates:
         try:
             text = content.decode(name)
@@ -72,11 +72,11 @@ def decoded(content: bytes, path: Path, stated: str | None) -> Decoded:
     )
 
 
-def _stated(stated: str, mark: str | None, content: bytes, path: Path) -> str:
+def _stated_codec(stated: str, mark: str | None, content: bytes, path: Path) -> str:
     """The codec of a stated encoding."""
     try:
         name = codecs.lookup(stated).name
-        "".encode(name)  # what is no encoding of text, such as base64, is refused here
+        "".encode(name)  # refuses encodings that are not for text, such as base64
         if name in OF_ESCAPES:
             raise LookupError
     except (LookupError, ValueError):
@@ -91,13 +91,13 @@ def _stated(stated: str, mark: str | None, content: bytes, path: Path) -> str:
         )
     if name.startswith(("utf-16", "utf-32")) and b"\0" not in content:
         raise InputError(
-            f"{path}: encoding = {shown(stated)} is stated, and the file is in none of 2 bytes a "
+            f"{path}: encoding = {shown(stated)} is stated, and the file does not have 2 bytes a "
             "letter; take encoding away"
         )
     return mark or name
 
 
-def _without_mark(content: bytes) -> list[str]:
+def _codec_without_mark(content: bytes) -> list[str]:
     """UTF-16 whose mark is missing: half of the bytes of plain numbers are zero."""
     beginning = content[: 2 * (min(len(content), 400) // 2)]
     for name, zeros in (("utf-16-le", beginning[1::2]), ("utf-16-be", beginning[0::2])):

@@ -24,34 +24,34 @@ class Times(NamedTuple):
     """Times of readings, (T,)."""
 
     seconds: list[float]
-    """From the start, s."""
+    """Times from the start, s."""
     unit: str
-    """The unit in which a person tells them."""
+    """Unit for reports."""
     form: str
-    """Form in which they are written: `min`, `hh:mm:ss`, `dates`."""
+    """Form in the file: `min`, `hh:mm:ss`, `dates`."""
 
 
 def times(column: Sequence[Cell], head: Heading, sheet: TimesSheet, mark: str) -> Times:
     """The times of a column, none of them empty.
 
     Args:
-      column: its cells.
-      head: its header.
-      sheet: what is stated of it.
+      column: cells of the column.
+      head: header of the column.
+      sheet: settings of the file.
       mark: decimal mark.
 
     Raises:
-      InputError: a cell that is none, no unit, two units, or a date that can be read two ways.
+      InputError: a cell is no time, there is no unit or two units, or a date can be read two ways.
     """
     first = column[0]
     if sheet.date_format is not None or dates.is_date(first.text):
-        return _of_dates(column, head, sheet)
+        return _from_dates(column, head, sheet)
     if dates.is_clock(first.text):
-        return _of_clock(column, head, sheet)
-    return _of_numbers(column, head, sheet, mark)
+        return _from_clock(column, head, sheet)
+    return _from_numbers(column, head, sheet, mark)
 
 
-def _of_numbers(column: Sequence[Cell], head: Heading, sheet: TimesSheet, mark: str) -> Times:
+def _from_numbers(column: Sequence[Cell], head: Heading, sheet: TimesSheet, mark: str) -> Times:
     if sheet.start is not None:
         raise column[0].refuse("is a number; start is for dates and times of the day, take it away")
     of_header = TIME.named(head.unit)
@@ -59,7 +59,7 @@ def _of_numbers(column: Sequence[Cell], head: Heading, sheet: TimesSheet, mark: 
         raise column[0].refuse(
             f"is in {shown(head.unit)} by its header, which is no unit of time; {NEEDS_A_UNIT}"
         )
-    unit = _agreed(column[0], of_header, sheet.time_unit)
+    unit = _agreed_unit(column[0], of_header, sheet.time_unit)
     seconds, units = [], {unit} - {None}
     for cell in column:
         number = cells.number(cell.text)
@@ -77,12 +77,12 @@ def _of_numbers(column: Sequence[Cell], head: Heading, sheet: TimesSheet, mark: 
             raise InputError(f"{cell.at}: {cell.name} = {value:g} is negative; mend the row")
         seconds.append(TIME_UNITS[unit_of_cell] * value)
         units.add(unit_of_cell)
-    unit = (units.pop() if len(units) == 1 else None) or _told_in(seconds)
+    unit = (units.pop() if len(units) == 1 else None) or _unit_for_reports(seconds)
     return Times(seconds, unit, unit)
 
 
-def _agreed(first: Cell, of_header: str | None, stated: str | None) -> str | None:
-    """The unit of the header and of the experiment file, which must not be two."""
+def _agreed_unit(first: Cell, of_header: str | None, stated: str | None) -> str | None:
+    """The unit of the header or of the experiment file, which must not differ."""
     if of_header and stated and of_header != stated:
         raise InputError(
             f"{first.at}: the header gives the time in {of_header}, and time_unit = "
@@ -91,7 +91,7 @@ def _agreed(first: Cell, of_header: str | None, stated: str | None) -> str | Non
     return of_header or stated
 
 
-def _of_clock(column: Sequence[Cell], head: Heading, sheet: TimesSheet) -> Times:
+def _from_clock(column: Sequence[Cell], head: Heading, sheet: TimesSheet) -> Times:
     minutes_first = head.unit in MINUTES_FIRST
     if head.unit and head.unit not in HOURS_FIRST | MINUTES_FIRST and TIME.named(head.unit) != "h":
         raise column[0].refuse(
@@ -111,11 +111,11 @@ def _of_clock(column: Sequence[Cell], head: Heading, sheet: TimesSheet) -> Times
     elif head.of_day or any(dates.is_of_day(cell.text) for cell in column):
         start = min(seconds)
     form = "mm:ss" if minutes_first else "hh:mm:ss" if column[0].text.count(":") > 1 else "hh:mm"
-    seconds = _since(column, [second - start for second in seconds])
-    return Times(seconds, sheet.time_unit or _told_in(seconds), form)
+    seconds = _not_negative(column, [second - start for second in seconds])
+    return Times(seconds, sheet.time_unit or _unit_for_reports(seconds), form)
 
 
-def _of_dates(column: Sequence[Cell], head: Heading, sheet: TimesSheet) -> Times:
+def _from_dates(column: Sequence[Cell], head: Heading, sheet: TimesSheet) -> Times:
     if sheet.date_format is None:
         if head.unit and TIME.named(head.unit) not in (None, "day"):
             raise column[0].refuse(
@@ -127,16 +127,16 @@ def _of_dates(column: Sequence[Cell], head: Heading, sheet: TimesSheet) -> Times
                 raise cell.refuse("is no date, as the first is; mend the row")
     moments = dates.dates(column, sheet.date_format)
     start = min(moments) if sheet.start is None else _start(sheet.start, sheet, column[0])
-    seconds = _since(column, [(moment - start) / timedelta(seconds=1) for moment in moments])
-    return Times(seconds, sheet.time_unit or _told_in(seconds), "dates")
+    seconds = _not_negative(column, [(moment - start) / timedelta(seconds=1) for moment in moments])
+    return Times(seconds, sheet.time_unit or _unit_for_reports(seconds), "dates")
 
 
-def _told_in(seconds: list[float]) -> str:
-    """The unit in which a person tells times up to the last of these."""
+def _unit_for_reports(seconds: list[float]) -> str:
+    """The natural unit for times up to the last of these."""
     return next((unit for unit in ("day", "h", "min") if max(seconds) > 2 * TIME_UNITS[unit]), "s")
 
 
-def _since(column: Sequence[Cell], seconds: list[float]) -> list[float]:
+def _not_negative(column: Sequence[Cell], seconds: list[float]) -> list[float]:
     """Times from the start, none of them before it."""
     for cell, elapsed in zip(column, seconds, strict=True):
         if elapsed < 0.0:

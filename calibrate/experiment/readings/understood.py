@@ -1,4 +1,4 @@
-"""Records of how files were read: one line for people, and a table for `fit.json`."""
+"""Records of how files were read: a line of text, and a table for `fit.json`."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -6,15 +6,15 @@ from typing import Any
 from mrjax.core.errors import shown
 
 MOST_NAMED = 5
-"""Columns or rows that the line names."""
+"""Most columns or rows that the line names."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class FileUnderstood:
-    """Record of how a file was read, whatever it holds."""
+    """Record of how a file of any kind was read."""
 
     file: str
-    """Path of the file as the experiment has it."""
+    """Path of the file, as in the experiment."""
     read_as: dict[str, str]
     """Encoding and delimiter, or sheet, and decimal mark."""
     columns: dict[str, str]
@@ -32,7 +32,7 @@ class FileUnderstood:
 
     @property
     def line(self) -> str:
-        """The line for people."""
+        """The record as a line of text."""
         parts = [f"{shown(self.file)} ({', '.join(self.read_as.values())}): {self._read()}"]
         if self.ignored_columns:
             parts.append(f"not used: {some([shown(column) for column in self.ignored_columns])}")
@@ -60,7 +60,7 @@ class Understood(FileUnderstood):
     time_form: str
     """Form of the times: a unit, `hh:mm`, `hh:mm:ss`, `mm:ss` or `dates`."""
     time_unit: str
-    """Unit in which times are told."""
+    """Unit of times in reports."""
     unit: str
     """Unit of the readings."""
     first: tuple[float, float]
@@ -68,7 +68,7 @@ class Understood(FileUnderstood):
     last: tuple[float, float]
     """Time and value of the last reading, in their units."""
     standard_deviation: tuple[float, float]
-    """Least and greatest standard deviation, in the unit of the readings."""
+    """Smallest and largest standard deviation, in the unit of the readings."""
 
     def _read(self) -> str:
         time, unit = self.time_unit, "" if self.unit == "1" else f" {self.unit}"
@@ -90,7 +90,7 @@ class Understood(FileUnderstood):
 
 
 def between(ends: tuple[float, float], unit: str) -> str:
-    """Least and greatest of some numbers in words, once where they are the same."""
+    """The smallest and the largest number in words, or one of them if they are the same."""
     least, most = (f"{end:.3g}" for end in ends)
     return f"{least}{unit}" if least == most else f"{least} to {most}{unit}"
 

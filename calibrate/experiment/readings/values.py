@@ -1,4 +1,4 @@
-"""Readings as numbers in one unit, and what they are of: the mudline or the sedimentation ratio."""
+"""Readings of a curve as numbers in one unit: mudlines or sedimentation ratios."""
 
 import math
 from collections.abc import Sequence
@@ -24,9 +24,9 @@ class Tube(NamedTuple):
     """Dimensions of a tube, which convert readings."""
 
     height: float | None
-    """Height of the suspension, m; None if not given."""
+    """Height of the suspension, m; None if unknown."""
     diameter: float | None
-    """Inner diameter, m; None if not given."""
+    """Inner diameter, m; None if unknown."""
 
 
 class Values(NamedTuple):
@@ -37,7 +37,7 @@ class Values(NamedTuple):
     values: list[float]
     """Readings in the unit, from the floor of the tube."""
     errors: list[float]
-    """Standard deviations in the unit; NaN of a reading without one."""
+    """Standard deviations in the unit; NaN for a reading without one."""
     unit: str
     si: float
     """The unit in metres of height, or as a ratio."""
@@ -51,7 +51,7 @@ def values(
     Args:
       points: readings as they are written.
       layout: the columns.
-      sheet: what is stated of them.
+      sheet: settings of the file.
       tube: its dimensions.
       mark: decimal mark.
 
@@ -90,9 +90,9 @@ def _whole_and_si(role: str, unit: str, tube: Tube, first: Cell) -> tuple[float,
 
 
 def _unit(points: Sequence[Point], layout: Layout, sheet: CurveSheet) -> str:
-    """The one unit of all readings: of the header, of the sheet, or behind the numbers."""
+    """The unit of all readings: from the header, the settings, or behind the numbers."""
     column, at = layout.readings[0], points[0].reading.at.rsplit(", ", 1)[0]
-    units = {_of_header(column, at) for column in layout.readings} - {None}
+    units = {_header_unit(column, at) for column in layout.readings} - {None}
     if len(units) > 1:
         raise InputError(
             f"{at}: its columns of readings have units {' and '.join(sorted(map(str, units)))}; "
@@ -115,7 +115,7 @@ def _unit(points: Sequence[Point], layout: Layout, sheet: CurveSheet) -> str:
                     f"is in {unit_of_cell}, and its column in {unit}; mend one"
                 )
     if unit is None and column.role == "sedimentation_ratio":
-        # As a number; percents would be refused as above the height.
+        # Numbers are ratios; percents without a unit are above the height, and are refused.
         unit = "%" if column.heading.words & vocabulary.PERCENT else "1"
     if unit is None:
         raise InputError(
@@ -130,7 +130,7 @@ def _unit(points: Sequence[Point], layout: Layout, sheet: CurveSheet) -> str:
     return unit
 
 
-def _of_header(column: Column, at: str) -> str | None:
+def _header_unit(column: Column, at: str) -> str | None:
     """The unit in the header of a column; None if it has none."""
     word = column.heading.unit
     unit = READINGS.named(word)
@@ -155,10 +155,10 @@ def _number(cell: Cell, unit: str, mark: str) -> float:
 def _errors(
     points: Sequence[Point], layout: Layout, sheet: CurveSheet, unit: str, mark: str
 ) -> list[float]:
-    """Standard deviations in the unit of the readings; NaN where none is given."""
+    """Standard deviations in the unit of the readings; NaN without one."""
     unit_of_errors, factor = unit, 1.0
     if layout.errors and layout.errors[0].heading.unit:
-        unit_of_errors = _of_header(layout.errors[0], points[0].reading.at) or unit
+        unit_of_errors = _header_unit(layout.errors[0], points[0].reading.at) or unit
         factor = _factor(unit_of_errors, unit, layout.errors[0].named, points[0].reading.at)
     stated = math.nan if sheet.standard_deviation is None else sheet.standard_deviation
     errors = []
@@ -175,7 +175,7 @@ def _errors(
 
 
 def _factor(unit_of_errors: str, unit: str, named: str, at: str) -> float:
-    """From the unit of the errors to that of the readings."""
+    """Factor from the unit of the errors to that of the readings."""
     for units in (HEIGHT_UNITS, VOLUME_UNITS, RATIO_UNITS):
         if unit_of_errors in units and unit in units:
             return units[unit_of_errors] / units[unit]

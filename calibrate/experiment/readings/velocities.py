@@ -1,4 +1,4 @@
-"""A table of initial velocities by concentration, from cells to numbers with units.
+"""A table of initial velocities against concentration, from cells to numbers with units.
 
     volume fraction,velocity (cm/s)
     0.054,0.256
@@ -36,26 +36,26 @@ from mrjax import InputError
 from mrjax.core.errors import shown
 
 FEWEST = 2
-"""Rows of a table."""
+"""Fewest readings of a table."""
 
 
 class Velocity(NamedTuple):
     """One row of a table, or one of its repeats."""
 
     concentration: float
-    """As it is written."""
+    """Concentration, as it is written."""
     volume_fraction: float
     """Volume fraction of the uncoated particles; 1."""
     value: float
     """The velocity, in the table's unit."""
     error: float
-    """Its standard deviation in that unit; NaN where none is stated."""
+    """Its standard deviation in that unit; NaN if none is stated."""
     row: int
     """Number of the row in the file."""
 
 
 class Velocities(NamedTuple):
-    """A table of velocities; as many rows as there are readings, in the order of the file."""
+    """A table of velocities, in the order of the file."""
 
     readings: list[Velocity]
     unit: VelocityUnit
@@ -68,15 +68,16 @@ class Velocities(NamedTuple):
 def read(
     sheet: VelocitiesSheet, folder: Path, fraction: Callable[[str, float], float]
 ) -> Velocities:
-    """The velocities of a file, every number checked.
+    """Reads the velocities of a file, and checks every number.
 
     Args:
-      sheet: the file, and what is stated of it.
-      folder: that of the experiment file, from which paths are.
-      fraction: the volume fraction of a concentration of a kind.
+      sheet: the file and its settings.
+      folder: folder of the experiment file, to which paths are relative.
+      fraction: function from a kind and a concentration to the volume fraction.
 
     Raises:
-      InputError: the file, its header or a row cannot be used: the file, the line and the remedy.
+      InputError: the file, its header or a row cannot be used; the message has the line and the
+        remedy.
     """
     table = only_table(
         rows.tables(sheet, folder),
@@ -97,7 +98,7 @@ def read(
     readings: list[Velocity] = []
     left_out: list[int] = []
     for row in columns.rows:
-        of_row = _of_row(table, row, columns, mark)
+        of_row = _row_readings(table, row, columns, mark)
         if not of_row:
             left_out.append(row.number)
         for concentration, value, own_error in of_row:
@@ -143,7 +144,7 @@ def _unit(columns: VelocityLayout, sheet: VelocitiesSheet) -> VelocityUnit:
 def _contradiction(
     columns: VelocityLayout, column: VelocityColumn, header_says: str, key: str, stated: str | None
 ) -> InputError:
-    """The error of a header that says another thing than the experiment file."""
+    """The error of a header that contradicts the experiment file."""
     return InputError(
         f"{columns.at}: column {shown(column.named)} is {header_says}, and {key} = "
         f"{shown(stated)} is stated; mend the header, or take {key} away"
@@ -178,10 +179,10 @@ def _cell(table: Table, row: Row, column: VelocityColumn) -> Cell:
     return Cell(table.at(row), column.role or "concentration", row.cell(column.place))
 
 
-def _of_row(
+def _row_readings(
     table: Table, row: Row, columns: VelocityLayout, mark: str
 ) -> list[tuple[float, float, float]]:
-    """Concentration, reading and error, NaN without one, of each repeat; [] of a row without."""
+    """Concentration, reading and error (or NaN) of each repeat; empty for a row without any."""
     refuse_wider(table.at(row), row, columns.width)
     concentration = _cell(table, row, columns.concentration)
     readings = [_cell(table, row, column) for column in columns.readings]
@@ -191,12 +192,12 @@ def _of_row(
     at = _number(concentration, mark)
     values = [_number(reading, mark) for reading in readings]
     if at == 0.0 and not any(values):
-        return []  # a flux begins at nothing
+        return []  # the flux without particles
     error = math.nan
     if columns.error and not cells.is_missing(row.cell(columns.error.place)):
-        error = _above_zero(_cell(table, row, columns.error), mark)
-    at = _above_zero(concentration, mark)
-    return [(at, _above_zero(reading, mark), error) for reading in readings]
+        error = _positive_number(_cell(table, row, columns.error), mark)
+    at = _positive_number(concentration, mark)
+    return [(at, _positive_number(reading, mark), error) for reading in readings]
 
 
 def _error(
@@ -228,7 +229,7 @@ def _number(cell: Cell, mark: str) -> float:
     return cells.value(cell, number.written, mark)
 
 
-def _above_zero(cell: Cell, mark: str) -> float:
+def _positive_number(cell: Cell, mark: str) -> float:
     value = _number(cell, mark)
     if value <= 0.0:
         raise InputError(f"{cell.at}: {cell.name} = {value:g} must be above zero; mend the row")

@@ -21,14 +21,14 @@ class VelocityColumn(NamedTuple):
     """A column of a table of velocities."""
 
     place: int
-    """From 0."""
+    """Index of the column, from 0."""
     written: str
-    """Its cell in the header."""
+    """Text of its cell in the header."""
     role: Role | None
     unit: VelocityUnit | None
-    """The unit of a velocity that the header gives."""
+    """Unit of velocity in the header; None if there is none."""
     base: str
-    """Its name without the unit and what tells repeats apart."""
+    """Its name without the unit and without marks of a repeat."""
 
     @property
     def named(self) -> str:
@@ -41,13 +41,13 @@ class VelocityLayout(NamedTuple):
 
     concentration: VelocityColumn
     readings: list[VelocityColumn]
-    """Velocities or fluxes, once or with their repeats."""
+    """Columns of velocities or fluxes: one, or several repeats."""
     error: VelocityColumn | None
     others: list[VelocityColumn]
     width: int
     rows: list[Row]
     at: str
-    """The place of the header, as messages name it."""
+    """Place of the header, for messages."""
 
 
 def layout(table: Table, sheet: VelocitiesSheet) -> VelocityLayout:
@@ -60,13 +60,13 @@ def layout(table: Table, sheet: VelocitiesSheet) -> VelocityLayout:
     at = table.at(row or (table.rows[0] if table.rows else Row(1, [])))
     width = max((line.width for line in ([row] if row else rows[:1])), default=0)
     columns = [_column(place, row.cell(place) if row else "") for place in range(width)]
-    chosen = {role: _stated(role, sheet, columns, at) for role in get_args(Role)}
+    chosen = {role: _stated_columns(role, sheet, columns, at) for role in get_args(Role)}
     if row is None and not any(chosen.values()) and width == 2:
         chosen["concentration"], chosen[sheet.quantity or "velocity"] = columns[:1], columns[1:]
     concentrations = chosen["concentration"] or _concentrations(columns, sheet, at)
     readings = chosen["velocity"] or chosen["flux"] or _readings(columns, sheet, at)
     if not concentrations or not readings:
-        raise InputError(_without(columns, at))
+        raise InputError(_missing_column(columns, at))
     role: Role = "flux" if chosen["flux"] and not chosen["velocity"] else "velocity"
     readings = [
         column._replace(role=role if column in chosen[role] else column.role) for column in readings
@@ -76,12 +76,12 @@ def layout(table: Table, sheet: VelocitiesSheet) -> VelocityLayout:
     ]
     if len(errors) > 1:
         raise InputError(
-            f"{at}: {_listed(errors)} may be the errors; state columns = {{standard_deviation = "
-            f"{shown(errors[0].named)}}}"
+            f"{at}: {_column_names(errors)} may be the errors; state columns = "
+            f"{{standard_deviation = {shown(errors[0].named)}}}"
         )
     used = [column.place for column in (*concentrations, *readings, *errors)]
     if len(set(used)) < len(used):
-        raise InputError(f"{at}: columns has one twice; mend it")
+        raise InputError(f"{at}: columns names one column twice; mend it")
     others = [
         column for column in columns if column.place not in used and (column.written or row is None)
     ]
@@ -121,7 +121,7 @@ def _role(name: str, unit: VelocityUnit | None) -> Role | None:
     return "concentration" if names_a_concentration(name) else None
 
 
-def _stated(
+def _stated_columns(
     role: Role, sheet: VelocitiesSheet, columns: list[VelocityColumn], at: str
 ) -> list[VelocityColumn]:
     """The columns that the experiment file states for a role."""
@@ -138,8 +138,8 @@ def _stated(
         if len(fits) != 1:
             count = "no column" if not fits else f"{len(fits)} columns"
             raise InputError(
-                f"{at}: columns.{role} = {shown(name)}: there is {count} of it; give a name or "
-                f"number of the header, which is {_listed(columns)}"
+                f"{at}: columns.{role} = {shown(name)}: it has {count} of that name; give a name "
+                f"or number of the header, which is {_column_names(columns)}"
             )
         chosen += fits
     return chosen
@@ -159,7 +159,7 @@ def _concentrations(
     of_kind = [column for column in candidates if kind_of(column.written) == sheet.concentration]
     if len(candidates) > 1 and len(of_kind) != 1:
         raise InputError(
-            f"{at}: {_listed(candidates)} may be the concentration; state columns = "
+            f"{at}: {_column_names(candidates)} may be the concentration; state columns = "
             f"{{concentration = {shown(candidates[0].named)}}}"
         )
     return of_kind if len(candidates) > 1 else candidates
@@ -176,7 +176,7 @@ def _readings(
         ]
         if len({(column.base, column.unit) for column in candidates}) > 1:
             raise InputError(
-                f"{at}: {_listed(candidates)} may be the {role}; state columns = {{{role} = "
+                f"{at}: {_column_names(candidates)} may be the {role}; state columns = {{{role} = "
                 f"{shown(candidates[0].named)}}}, or a list of repeats"
             )
         if candidates:
@@ -184,12 +184,12 @@ def _readings(
     return []
 
 
-def _listed(columns: list[VelocityColumn]) -> str:
+def _column_names(columns: list[VelocityColumn]) -> str:
     names = [shown(column.named) for column in columns[:4]]
     return " and ".join(names) if len(columns) <= 4 else ", ".join(names) + ", ..."
 
 
-def _without(columns: list[VelocityColumn], at: str) -> str:
+def _missing_column(columns: list[VelocityColumn], at: str) -> str:
     named = any(column.written for column in columns)
     header_text = shown(", ".join(column.written for column in columns[:4])) if named else "missing"
     return (

@@ -7,7 +7,7 @@ from calibrate.experiment.readings.understood import FileUnderstood, between
 
 @dataclass(frozen=True, kw_only=True)
 class VelocitiesUnderstood(FileUnderstood):
-    """Record of how a file of velocities by concentration was read."""
+    """Record of how a file of velocities against concentration was read."""
 
     quantity: str
     """`velocity` or `flux`."""
@@ -24,7 +24,7 @@ class VelocitiesUnderstood(FileUnderstood):
     velocity_unit: str
     """Unit of the velocities."""
     standard_deviation: tuple[float, float] | None
-    """Least and greatest stated one, in the unit of the velocities."""
+    """Smallest and largest stated standard deviation, in the unit of the velocities."""
 
     def _read(self) -> str:
         of_flux = " as flux over volume fraction" if self.quantity == "flux" else ""

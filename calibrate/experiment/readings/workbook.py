@@ -1,4 +1,4 @@
-"""Rows of a workbook (.xlsx), with openpyxl: what a cell shows, as text."""
+"""Rows of a workbook (.xlsx), read with openpyxl, with cells as text."""
 
 import io
 import re
@@ -13,23 +13,24 @@ from mrjax import InputError
 from mrjax.core.errors import shown
 
 MOST_UNPACKED = 2 * 10**8
-"""Bytes of a workbook beyond which it holds no curve."""
+"""Largest unpacked size of a workbook, bytes."""
 MOST_ROWS = 100_002
 COMMENT = re.compile(r"#(?!N/A)")
 FIRST_YEAR = 1901
-"""Times of more than a day are dates of the year before it, from the first day of a workbook."""
+"""Dates before this year are elapsed times of more than a day, counted from the first day of a
+workbook."""
 
 
 def tables(content: bytes, path: Path, stated: str | int | None) -> list[Table]:
     """The sheets of a workbook that are not empty, or the stated one.
 
     Args:
-      content: of the file.
-      path: as messages name it.
-      stated: name of a sheet, or its number from 1.
+      content: content of the file.
+      path: path of the file, for messages.
+      stated: name of a sheet, or its number from 1; None for all sheets.
 
     Raises:
-      InputError: openpyxl is not installed, what is no workbook, or has no such sheet.
+      InputError: openpyxl is missing, the file is no workbook, or it has no such sheet.
     """
     try:
         import openpyxl
@@ -45,7 +46,7 @@ def tables(content: bytes, path: Path, stated: str | int | None) -> list[Table]:
             raise InputError(f"{path}: is larger than {MOST_UNPACKED / 1e6:g} MB unpacked")
         book = openpyxl.load_workbook(io.BytesIO(content), data_only=True, read_only=True)
         sheets = {worksheet.title: worksheet for worksheet in book.worksheets}
-        chosen = _chosen(sheets, stated, path)
+        chosen = _chosen_sheets(sheets, stated, path)
         found_tables = [
             _table(worksheet, f"{path}, sheet {shown(name)}", name)
             for name, worksheet in chosen.items()
@@ -53,7 +54,7 @@ def tables(content: bytes, path: Path, stated: str | int | None) -> list[Table]:
         book.close()
     except InputError:
         raise
-    except Exception as error:  # of a damaged file anything comes: KeyError, ParseError, zlib.error
+    except Exception as error:  # a damaged file may raise KeyError, ParseError, zlib.error
         raise InputError(
             f"{path}: cannot be read as a workbook ({type(error).__name__}); save it again as "
             ".xlsx or CSV"
@@ -61,7 +62,7 @@ def tables(content: bytes, path: Path, stated: str | int | None) -> list[Table]:
     return [table for table in found_tables if table.rows] or found_tables[:1]
 
 
-def _chosen(sheets: dict[str, Any], stated: str | int | None, path: Path) -> dict[str, Any]:
+def _chosen_sheets(sheets: dict[str, Any], stated: str | int | None, path: Path) -> dict[str, Any]:
     names = list(sheets)
     if stated is None:
         return sheets
@@ -81,7 +82,7 @@ def _table(sheet: Any, path: str, name: str) -> Table:
 
 def _rows(sheet: Any, path: str) -> Iterator[Row]:
     for number, row in enumerate(sheet.iter_rows(max_col=MOST_CELLS + 1), start=1):
-        cells = [_shown(cell.value, getattr(cell, "number_format", "")) for cell in row]
+        cells = [_cell_text(cell.value, getattr(cell, "number_format", "")) for cell in row]
         while cells and not cells[-1]:
             cells.pop()
         refuse_wide(f"{path}, row {number}", len(cells), 2)
@@ -91,7 +92,7 @@ def _rows(sheet: Any, path: str) -> Iterator[Row]:
             yield Row(number, cells)
 
 
-def _shown(value: Any, number_format: str | None) -> str:
+def _cell_text(value: Any, number_format: str | None) -> str:
     """The text that a cell of a text file would have."""
     from openpyxl.utils.datetime import to_excel
 

@@ -18,7 +18,7 @@ STRAIGHT = np.maximum(100.0 - 12.0 * TIMES, 40.0)
 
 def said(measured, predicted=STRAIGHT, error=1.0, times=TIMES):
     curve = advice._Curve(times, measured, predicted, np.full(times.size, error), 100.0)
-    return " ".join(advice._of_shape(curve))
+    return " ".join(advice._shape_causes(curve))
 
 
 def test_readings_that_fall_on_are_a_bed_that_yields():
@@ -76,7 +76,7 @@ def test_repeats_count_as_their_mean():
 )
 def test_a_factor_that_explains_a_speed_is_named(ratio, spread, expected):
     units = {"s": 1.0, "min": 60.0, "h": 3600.0}
-    [*lines] = advice._nearer("A", ratio, spread, "times", "s", units)
+    [*lines] = advice._unit_sentences("A", ratio, spread, "times", "s", units)
     assert len(lines) == (expected is not None)
     assert expected is None or expected in lines[0]
 
@@ -131,7 +131,7 @@ def test_what_chance_does_not_bring_is_a_misfit():
 
 def test_as_many_values_as_numbers_prove_nothing(tmp_path):
     done = calibrate.run("fang2005", model="closed-form")
-    first = "5 values from 4 numbers: that agreement proves nothing."
+    first = "5 values fitted to 4 numbers: their agreement proves nothing."
     assert report.in_words(done.tables())[0] == first
     done.write(tmp_path)
     assert (tmp_path / "report.md").read_text("utf-8").splitlines()[2] == f"**{first}**"

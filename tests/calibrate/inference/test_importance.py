@@ -154,7 +154,7 @@ def test_a_proposal_with_short_tails_is_told_by_its_weights():
 
     def weighted(variance):
         densities = -0.5 * np.sum(draws**2, axis=1) / variance
-        return importance._weighted(importance._Drawn(Normal(), draws, densities))
+        return importance._weigh(importance._ProposalDraws(Normal(), draws, densities))
 
     found = weighted(20.0)
     assert found.pareto_k == pytest.approx(0.95, abs=0.15)

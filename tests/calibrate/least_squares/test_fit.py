@@ -230,8 +230,8 @@ def chooses(theta):
     [
         (lambda theta: jnp.zeros(0) * theta["a"], r"residuals: have shape \(0,\); give a vector"),
         (lambda theta: jnp.ones((2, 3)) * theta["a"], r"residuals: have shape \(2, 3\)"),
-        (grows, "residuals: their number, or a choice in them, hangs on the values"),
-        (chooses, "residuals: their number, or a choice in them, hangs on the values"),
+        (grows, "residuals: their number, or a choice in them, depends on the values"),
+        (chooses, "residuals: their number, or a choice in them, depends on the values"),
     ],
 )
 def test_residuals_that_are_no_vector_of_one_size_are_refused(residuals, words):

@@ -50,7 +50,7 @@ def test_a_step_is_trusted_that_brings_a_quarter_of_its_promise(left, trusted):
         return jnp.atleast_1d(1.0 + x + np.sqrt(left) * x**2)
 
     evaluator = evaluator_of(residuals, {"a": 1.0})
-    ahead = search._trusted(evaluator, evaluator.at(np.zeros(1)))
+    ahead = search._trusted_step(evaluator, evaluator.at(np.zeros(1)))
     assert (ahead is not None) == trusted
     if trusted:
         np.testing.assert_allclose(ahead, [-1.0], rtol=1e-9)
@@ -58,7 +58,7 @@ def test_a_step_is_trusted_that_brings_a_quarter_of_its_promise(left, trusted):
 
 def test_a_step_that_promises_nothing_is_the_end():
     evaluator = evaluator_of(lambda theta: jnp.log(theta["a"])[None], {"a": 1.0})
-    np.testing.assert_array_equal(search._trusted(evaluator, evaluator.at(np.zeros(1))), [0.0])
+    np.testing.assert_array_equal(search._trusted_step(evaluator, evaluator.at(np.zeros(1))), [0.0])
 
 
 def test_a_start_with_nothing_to_come_back_to_is_given_up_at_once():

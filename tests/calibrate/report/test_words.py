@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from calibrate.experiment.free_parameters import FreeParameter
-from calibrate.report import document, figures, formatting, tables, words
+from calibrate.report import document, figures, formatting, remarks, tables, words
 
 READING = {
     "sample": "A",
@@ -134,9 +134,9 @@ def test_another_optimum_is_told_with_its_chi_squared(loss, as_good):
 
 
 def test_that_no_prediction_changes_is_said_of_the_neighbourhood_unless_asked_far_away():
-    assert "near this fit" in words._null("`a / b`", unchanged=False)
-    assert "near" not in words._null("`a / b`", unchanged=True)
-    assert "a factor of ten away" in words._null("`a / b`", unchanged=True)
+    assert "near this fit" in words._null_direction("`a / b`", unchanged=False)
+    assert "near" not in words._null_direction("`a / b`", unchanged=True)
+    assert "a factor of ten away" in words._null_direction("`a / b`", unchanged=True)
 
 
 def verdict(**changes):
@@ -222,7 +222,7 @@ def test_a_suspension_twice_as_fast_as_its_particles_is_told(drag, told):
         suspension_of=lambda *_: SimpleNamespace(parameters=parameters),
     )
     problem = SimpleNamespace(experiment=experiment)
-    told_of = list(tables._too_fast(problem, SimpleNamespace(theta=None)))
+    told_of = list(remarks._faster_than_alone(problem, SimpleNamespace(theta=None)))
     assert bool(told_of) == told
     if told:
         assert "falls 2.04 times faster" in told_of[0] and "= 0.49" in told_of[0]
@@ -256,11 +256,11 @@ def test_a_value_far_from_its_prior_is_told():
     )
     middle = np.log(parameters[1].prior.median)
     far = SimpleNamespace(values=np.array([5.0, np.exp(middle - 2.0), 1e9]))
-    first, second = tables._against_priors(problem, far)
+    first, second = remarks._against_priors(problem, far)
     assert first.startswith("f_s = 5 is 3.2 standard deviations of its prior from its median, 1:")
     assert second.startswith("share = 0.5238 is 4 ") and "median, 0.6:" in second
     near = SimpleNamespace(values=np.array([4.0, np.exp(middle + 1.0), 1e9]))
-    assert list(tables._against_priors(problem, near)) == []
+    assert list(remarks._against_priors(problem, near)) == []
 
 
 @pytest.mark.parametrize(
@@ -284,10 +284,10 @@ def test_beside_a_misfit_values_are_as_good_as_the_model():
     row = {"determined": True, "status": "determined"}
     assert formatting.determination(row, misfit=True) == "if the model is right"
     result = {"misfit": True, "errors": "stated", "error_scale": 3.0}
-    said = words._as_far_as_it_is_right(result)
+    said = words._sentence_before_values(result)
     assert "which does not fit" in said and "about 3 times" in said
     others = [OPTIMUM, OTHER | {"half_sum_of_squares": 52.7 + 1.91 * 9}]
     (line,) = words._optima(result | {"chi_squared": 105.19, "optima": others}, words.TERMINAL.code)
     assert "as good, beside such a misfit: data and priors do not tell the two apart" in line
-    assert words._how_many(1, 1) == "The data determine the fitted value:"
-    assert "above held" not in words._null("`a`", unchanged=False, others=False)
+    assert words._number_of_combinations(1, 1) == "The data determine the fitted value:"
+    assert "above held" not in words._null_direction("`a`", unchanged=False, others=False)

@@ -1,4 +1,4 @@
-"""Makes the curves of the experiment `synthetic`: the column's, with noise.
+"""Makes the curves of the experiment `synthetic`: those of the column, with noise.
 
 python -m calibrate.experiment.bundled.synthetic_data
 """
@@ -15,7 +15,7 @@ from calibrate.experiment.suspension import suspension
 TRUTH = {"f_w.exponent": 5.3, "f_s": 1.25, "bed_fraction": 0.58}
 VISCOSITY_RATIO = {"coated": 1.9}
 ERROR = 0.5e-3
-"""Of a reading, m."""
+"""Standard deviation of a reading, m."""
 HOURS = {"thin": 10.0, "dense": 24.0, "coated": 60.0}
 READINGS, CELLS, SEED = 24, 400, 2005
 

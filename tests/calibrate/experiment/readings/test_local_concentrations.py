@@ -115,7 +115,7 @@ PROFILE = {"time": 60.0}
         ("z (cm),phi\n1,0.1\n21,0.1\n", PROFILE, ["line 3", "0.21 m", "0.2 m"]),
         ("z (cm),phi\n-1,0.1\n2,0.1\n", PROFILE, ["line 2", "not between the floor"]),
         ("z,phi\n1,0.1\n2,0.1\n", PROFILE, ["has no unit", "height_unit"]),
-        ("depth (cm),phi\n1,0.1\n2,0.1\n", PROFILE, ["'depth (cm)' is told from above"]),
+        ("depth (cm),phi\n1,0.1\n2,0.1\n", PROFILE, ["'depth (cm)' is measured from above"]),
         ("z (kg),phi\n1,0.1\n2,0.1\n", PROFILE, ["no unit of a height"]),
         ("z (cm),phi\n1,0.1\n2,0.1\n", PROFILE | {"height_unit": "mm"}, ["is in cm", "stated"]),
         ("z (cm),t (s),phi\n1,60,0.1\n2,60,0.1\n1,70,0.1\n", PROFILE, ["line 4", "'70'", "file"]),

@@ -120,7 +120,7 @@ def refusal(folder, content, height=0.76, tube_diameter=None, name="a.csv", **st
         (
             "a,b\n0,760\n1,701\n",
             UNITS | {"columns": {"time": "a", "mudline": "a"}},
-            ["one twice", "columns"],
+            ["one column twice", "columns"],
         ),
         (
             "Sample,time,mudline\nA,0,760\nB,0,760\nA,1,701\nB,1,650\n",
