@@ -1,1 +1,1 @@
-"""The tube in one dimension: `column`, Kynch's flux, a compressible bed, and the scheme."""
+"""Sedimentation in a tall tube, in one dimension: Kynch's theory, rigid or compressible beds."""

@@ -1,4 +1,4 @@
-"""A column before it settles: what it is filled with, and when it is looked at."""
+"""The arguments of a settling column: parameters, initial state, closures and output times."""
 
 from typing import NamedTuple
 
@@ -32,7 +32,7 @@ class Case(NamedTuple):
         """Returns the case with the closure and the times as trees of arrays.
 
         Raises:
-          InputError: times that are no numbers.
+          InputError: the times are no numbers.
         """
         times = self.times
         try:
@@ -46,7 +46,10 @@ class Case(NamedTuple):
         return self._replace(times=times, hindrance=as_tree(self.hindrance))
 
     def sinking(self) -> tuple["Case", Array]:
-        """The mirror image of a column that creams, else the same; and whether it creams, ()."""
+        """Returns the case with particles that sink, and True, (), if it is a mirror image.
+
+        A column that creams is turned into its mirror image by the sign of gravity.
+        """
         rising = particle.rises(self.parameters)
         gravity = jnp.where(rising, -self.parameters.gravity, self.parameters.gravity)
         return self._replace(parameters=self.parameters.replace(gravity=gravity)), rising

@@ -2,10 +2,10 @@
 
 d phi/dt = d/dz f(phi),  f(phi) = phi v(phi)                                      (Kynch 1952)
 
-with z from the floor towards the clear fluid, both ends closed, v the terminal velocity with the
-f_w of each volume fraction, and a bed that is rigid at phi_m or compressible (`compression`).
-
-Particles lighter than the fluid settle towards the lid in the same way: z then points down from it.
+z is measured from the floor towards the clear fluid, and both ends are closed. v is the terminal
+velocity with the f_w of each volume fraction. The bed is rigid at phi_m or compressible
+(`compression`). Particles lighter than the fluid settle towards the lid in the same way; z is then
+measured down from the lid.
 
 The numerical scheme is in `scheme`.
 """
@@ -40,32 +40,32 @@ def column(
     cells: int = 200,
     steps: int | None = None,
 ) -> Column:
-    """Lets a column of uniform suspension settle, or cream.
+    """Simulates the settling, or creaming, of a column of uniform suspension.
 
-    Pure: works under `jit`, `grad`, `jvp` and `vmap`, in the dtype of `parameters.radius`. Reverse
-    mode stores as many profiles as twice the square root of the number of steps.
+    The function is pure: it works under `jit`, `grad`, `jvp` and `vmap`, in the dtype of
+    `parameters.radius`. Reverse mode stores twice the square root of the number of steps, in
+    profiles.
 
     Args:
-      parameters: of particles and fluid, one number each; what belongs to contacts has no effect.
-      height: of the suspension, m, ().
-      volume_fraction: phi_0 of the coated particles at the start, such as
+      parameters: particles and fluid, one number each; contact properties have no effect.
+      height: height of the suspension, m, ().
+      volume_fraction: phi_0, initial volume fraction of the coated particles, such as
         `recipe.coated_volume_fraction`; 1, ().
-      bed_fraction: phi_m of the packed coated particles; 1, ().
-      times: at which the column is looked at, by a step that ends there; s, increasing, of any
-        spacing, (T,).
-      hindrance: f_w for volume fractions, such as `recipe.hindrance`; left out, that of the
-        parameters holds everywhere, and the mudline descends in a straight line until it meets the
-        bed.
-      compression: of the bed; left out, it is rigid. With it phi_m is a limit that nothing passes,
-        in the last f dz/dt before which the bed's permeability falls to zero: that changes how fast
-        it consolidates, not the end.
-      cells: C, of equal height.
-      steps: equal ones to the last of the times, or to the one from which a rigid bed has long been
-        at rest; left out, `column_steps`.
+      bed_fraction: phi_m, volume fraction of the packed coated particles; 1, ().
+      times: output times, s, increasing, of any spacing, (T,); a step ends at each of them.
+      hindrance: f_w as a function of the volume fraction, such as `recipe.hindrance`. By default
+        the f_w of the parameters holds at all volume fractions, and the mudline descends in a
+        straight line until it meets the bed.
+      compression: effective solid stress of the bed; by default the bed is rigid. With compression,
+        phi_m is an upper limit of the volume fraction, near which the permeability of the bed falls
+        to zero. It then changes the rate of the consolidation, not its end.
+      cells: number C of cells of equal height.
+      steps: number of equal steps up to the last of the times, or up to the time at which a rigid
+        bed has long been at rest; by default that of `column_steps`.
 
     Raises:
-      InputError: an argument that cannot be used, too few steps (plain calls), or a traced one
-        from which steps would have to be chosen.
+      InputError: an argument cannot be used, there are too few steps (in plain calls), or `steps`
+        is missing in a traced call.
 
     Example:
       >>> recipe = mrjax.Recipe.load("case2")
@@ -76,7 +76,7 @@ def column(
       ...     bed_fraction=0.6,
       ...     times=[86400.0, 864000.0],
       ... )
-      >>> (1000 * tube.mudline).round(1)  # 9.116 mm in a day, and all in the bed after ten
+      >>> (1000 * tube.mudline).round(1)  # 9.116 mm down in a day; at rest after ten days
       Array([90.9, 56.2], dtype=float64)
     """
     case = Case(parameters, height, volume_fraction, bed_fraction, times, hindrance, compression)
@@ -101,18 +101,25 @@ def column_steps(
     compression: Compression | None = None,
     cells: int = 200,
 ) -> int:
-    """Steps for `column` of which none lets a front cross more than half a cell.
+    """Returns a number of steps for `column` in which no front crosses more than half a cell.
 
-    The speed of fronts is that of `kynch.fastest_front`. Rounded up to four binary digits, so that
-    neighbouring parameters share a compiled program. For parameters that are traced, those of a fit
-    or of a `vmap`, take the most that any of them needs, and some more to be safe.
+    The speed of the fronts is that of `kynch.fastest_front`. The number is rounded up to four
+    binary digits, so that similar parameters share a compiled program. For traced parameters, as in
+    a fit or a `vmap`, call it with all values that may occur, and take the largest number with a
+    margin.
 
     Args:
-      parameters, height, volume_fraction, bed_fraction: as for `column`.
-      times, hindrance, compression, cells: as for `column`.
+      parameters: as for `column`.
+      height: as for `column`.
+      volume_fraction: as for `column`.
+      bed_fraction: as for `column`.
+      times: as for `column`.
+      hindrance: as for `column`.
+      compression: as for `column`.
+      cells: as for `column`.
 
     Raises:
-      InputError: an argument that cannot be used, or is traced by jit or vmap.
+      InputError: an argument cannot be used, or is traced by jit or vmap.
     """
     case = Case(parameters, height, volume_fraction, bed_fraction, times, hindrance, compression)
     _, _, fewest = _accepted(case, cells)
@@ -120,10 +127,12 @@ def column_steps(
 
 
 def _accepted(case: Case, cells: int) -> tuple[Case, int, float | None]:
-    """A checked case, its cells, and the fewest steps that it takes, None for traced values.
+    """Returns a checked case, its number of cells, and its least number of steps.
+
+    The number of steps is None for traced values.
 
     Raises:
-      InputError: what describes no column.
+      InputError: an argument cannot be used.
     """
     case, cells = case.as_arrays(), checks.whole(cells, "cells", MOST_CELLS)
     column_checks.refuse(case)

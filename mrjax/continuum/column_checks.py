@@ -1,6 +1,7 @@
-"""Checks of the arguments of a column: refused where they are known, else a flag for the result.
+"""Checks of the arguments of a column.
 
-The bounds of numbers are listed once, in `bounds`.
+Concrete arguments are refused with a message; for traced arguments a flag is computed, which marks
+the result as invalid. The bounds of all numbers are in `bounds`.
 """
 
 import math
@@ -21,7 +22,7 @@ from mrjax.laws.closed_forms import terminal_velocity
 
 
 class Bound(NamedTuple):
-    """A number that must lie above zero and below a limit."""
+    """A number that must be above zero and below a limit."""
 
     name: str
     value: ArrayLike
@@ -30,7 +31,7 @@ class Bound(NamedTuple):
 
 
 def bounds(case: Case) -> tuple[Bound, ...]:
-    """The bounds of what fills the column."""
+    """Returns the bounds of height and volume fractions."""
     return (
         Bound("height", case.height, None, "m"),
         Bound("bed_fraction", case.bed_fraction, 1.0, "1"),
@@ -39,7 +40,7 @@ def bounds(case: Case) -> tuple[Bound, ...]:
 
 
 def compression_bounds(case: Case) -> tuple[Bound, ...]:
-    """The bounds of a compressible bed; none of a rigid one."""
+    """Returns the bounds of the stress of a compressible bed; none for a rigid bed."""
     stress = case.compression
     if stress is None:
         return ()
@@ -51,17 +52,17 @@ def compression_bounds(case: Case) -> tuple[Bound, ...]:
 
 
 def refuse(case: Case) -> None:
-    """Passes what describes a column, as far as it is known.
+    """Refuses arguments that do not describe a column; traced values pass unchecked.
 
     Raises:
-      InputError: the first argument that does not.
+      InputError: there is such an argument; the message names the first.
     """
     checks.require_class(Parameters, parameters=case.parameters)
     velocity = jnp.shape(terminal_velocity(case.parameters))
     if velocity != ():
         raise InputError(
-            f"parameters are those of {velocity} particles; a column settles as equal ones: give "
-            "one number for each parameter, such as the radius of the mean settling velocity"
+            f"parameters are those of {velocity} particles; all particles of a column are equal: "
+            "give one number for each parameter, such as the radius of the mean settling velocity"
         )
     checks.refuse_bad_parameters(case.parameters, 1, None, contacts=False)
     for bound in (*bounds(case), *compression_bounds(case)):
@@ -70,7 +71,7 @@ def refuse(case: Case) -> None:
 
 
 def possible(case: Case, flux: kynch.Table) -> Array:
-    """True, (), for arguments that `refuse` would pass, and particles that settle; traced."""
+    """True, (), if `refuse` would accept the arguments and the particles settle; traceable."""
     times = case.times
     ascending = jnp.all(jnp.diff(times) > 0.0) & (times[0] >= 0.0) & (times[-1] > 0.0)
     within = jnp.asarray(True)
@@ -82,36 +83,36 @@ def possible(case: Case, flux: kynch.Table) -> Array:
 
 
 def settles(flux: kynch.Table) -> Array:
-    """True, (), if particles settle, or rest, at every volume fraction of a table."""
+    """True, (), if particles settle or rest at every volume fraction of a table."""
     return jnp.all(jnp.isfinite(flux.flux) & (flux.flux >= 0.0))
 
 
 def refuse_not_settling(flux: kynch.Table) -> None:
-    """Passes a flux, in m/s, of particles that settle, or rest, at every volume fraction.
+    """Refuses a flux, in m/s, that is negative or infinite at a volume fraction.
 
     Raises:
-      InputError: they do not; names the first such fraction.
+      InputError: there is such a volume fraction; the message names the first.
     """
-    for fraction, solid in zip(np.asarray(flux.fraction), np.asarray(flux.flux), strict=True):
-        if not 0.0 <= solid < np.inf:
+    for fraction, value in zip(np.asarray(flux.fraction), np.asarray(flux.flux), strict=True):
+        if not 0.0 <= value < np.inf:
             raise InputError(
                 f"at a volume fraction of {fraction:.3g} the particles would settle at "
-                f"{solid / fraction:.3g} m/s; give a hindrance that holds up to bed_fraction = "
+                f"{value / fraction:.3g} m/s; give a hindrance that holds up to bed_fraction = "
                 f"{float(flux.fraction[-1]):.3g}, in a viscous fluid"
             )
 
 
 def _refuse_number(bound: Bound) -> None:
-    """Passes one number within its bounds, and one that is traced.
+    """Refuses a number out of its bounds; a traced one passes unchecked.
 
     Raises:
-      InputError: it is not.
+      InputError: the value is out of its bounds, or is not one number.
     """
     name, value, _, unit = bound
     try:
         number = checks.numeric(value)
     except ValueError:
-        number = np.zeros(2)  # whatever it is, it is not one number
+        number = np.zeros(2)  # refused below, because it is not one number
     if number is None and np.shape(value) == ():
         return
     if number is None or number.ndim:
@@ -126,7 +127,7 @@ def _refuse_number(bound: Bound) -> None:
 
 
 def _known_limit(limit: ArrayLike | None) -> float:
-    """The limit as a number; 1, that of every fraction, where it is traced."""
+    """Returns the limit as a number; 1, the limit of every fraction, if it is traced."""
     if limit is None:
         return math.inf
     number = checks.numeric(limit)
@@ -134,10 +135,10 @@ def _known_limit(limit: ArrayLike | None) -> float:
 
 
 def _refuse_times(times: Array | np.ndarray) -> None:
-    """Passes a row of times that increase from 0, as far as they are known.
+    """Refuses times that are no row of increasing numbers from 0; traced times pass unchecked.
 
     Raises:
-      InputError: the first such time.
+      InputError: there is such a time; the message names the first.
     """
     if times.ndim != 1 or times.size == 0:
         raise InputError(f"times have shape {times.shape}; give one row of them in s, shape (T,)")
@@ -155,4 +156,4 @@ def _refuse_times(times: Array | np.ndarray) -> None:
                 "increasing times"
             )
     if numbers[-1] == 0.0:
-        raise InputError("times = [0]: nothing settles in no time; give a later last one, in s")
+        raise InputError("times = [0]: nothing has settled at 0; give a later last time, in s")

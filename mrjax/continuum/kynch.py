@@ -1,21 +1,21 @@
-"""Kynch's flux of a batch-settling suspension, and Godunov's between two volume fractions.
+"""Kynch's flux of a batch-settling suspension, and Godunov's flux between two volume fractions.
 
 f(phi) = phi v(phi) for phi < phi_m,  f(phi_m) = 0                      (Kynch 1952; m/s, downwards)
 
-A packed bed rests on the floor: nothing more goes in. Between a fraction l and the fraction u above
-it, exactly for any f, with one hump or several (Godunov 1959; LeVeque, Finite Volume Methods for
-Hyperbolic Problems, 2002, Eq. 12.4):
+The flux is zero in a packed bed. Godunov's flux between a volume fraction l and the volume fraction
+u above it is exact for any f, with one maximum or several (Godunov 1959; LeVeque, Finite Volume
+Methods for Hyperbolic Problems, 2002, Eq. 12.4):
 
-G(l, u) = MIN f over [u, l] where l >= u,  MAX f over [l, u] where l < u
+G(l, u) = MIN f over [u, l] if l >= u,  MAX f over [l, u] if l < u
 
-An explicit step stands for slopes of f up to some s, and f jumps at phi_m; in dilute fluid it may
-be steep too. In place of f the largest function below it without steeper slopes is taken,
+An explicit step is stable for slopes of f up to some s. But f jumps at phi_m, and may be steep in
+dilute fluid, too. It is therefore replaced by the largest function below it with slopes up to s,
 
 f~(phi) = MIN over psi of f(psi) + |phi - psi| s
 
-By either a column that starts uniform at phi_0 settles the same if no front from phi_0 is faster
-than s (`fastest_front`): f~ then lies above the lower convex hulls of f from phi_0 to clear fluid
-and to the bed, of which Kynch's construction is made, and touches f where they do.
+A column that starts uniform at phi_0 settles alike with f and f~ if no front from phi_0 is faster
+than s (`fastest_front`). Kynch's construction uses the lower convex hulls of f from phi_0 to clear
+fluid and to the bed; f~ then lies above these hulls, and touches f where they do.
 """
 
 from typing import NamedTuple
@@ -28,19 +28,22 @@ from mrjax.laws.closed_forms import terminal_velocity
 from mrjax.laws.hindrance import Hindrance
 
 INTERVALS = 256
-"""Intervals of the table of the flux, on either side of the initial volume fraction: linear in
-between, which is within 1e-4 of Richardson & Zaki's law."""
+"""Number of intervals of the flux table on either side of the initial volume fraction. Linear
+interpolation in it is within 1e-4 of Richardson & Zaki's law."""
 
 
 class Table(NamedTuple):
-    """A flux at volume fractions from 0 to the bed's, evenly on either side of the initial one."""
+    """A flux at volume fractions from 0 to that of the bed.
+
+    The nodes are equidistant on either side of the initial volume fraction.
+    """
 
     fraction: Array  # (nodes,)
     flux: Array  # (nodes,)
 
     @property
     def initial(self) -> Array:
-        """The initial volume fraction, which is a node: at it the flux is exact; 1, ()."""
+        """The initial volume fraction; 1, (). It is a node, so that the flux is exact there."""
         return self.fraction[INTERVALS]
 
     @property
@@ -52,39 +55,46 @@ class Table(NamedTuple):
 def table(
     parameters: Parameters, hindrance: Hindrance | None, initial: Array, densest: Array
 ) -> Table:
-    """Kynch's f of the parameters, in m/s.
+    """Tabulates Kynch's flux f, in m/s.
 
     Args:
-      parameters: of one kind of particle, leaves ().
-      hindrance: f_w for volume fractions, in place of that of the parameters.
-      initial, densest: phi_0 < phi_m, ().
+      parameters: particles of one kind, with leaves ().
+      hindrance: f_w as a function of the volume fraction; None to use f_w of the parameters.
+      initial: phi_0, ().
+      densest: phi_m > phi_0, ().
     """
-    share = jnp.arange(INTERVALS + 1, dtype=initial.dtype) / INTERVALS
-    denser = initial + (densest - initial) * share[1:-1]
-    between = jnp.concatenate([initial * share[1:], denser])
-    hindered = parameters if hindrance is None else parameters.replace(f_w=hindrance(between))
-    # A closure may have no slope in clear fluid: both ends are known without it.
-    nothing = jnp.zeros(1, between.dtype)
-    fraction = jnp.concatenate([nothing, between, densest[None]])
-    flux = jnp.concatenate([nothing, between * terminal_velocity(hindered), nothing])
+    node = jnp.arange(INTERVALS + 1, dtype=initial.dtype) / INTERVALS
+    dense = initial + (densest - initial) * node[1:-1]
+    inner = jnp.concatenate([initial * node[1:], dense])
+    hindered = parameters if hindrance is None else parameters.replace(f_w=hindrance(inner))
+    # The flux at both ends is zero. A closure may have no derivative in clear fluid.
+    zero = jnp.zeros(1, inner.dtype)
+    fraction = jnp.concatenate([zero, inner, densest[None]])
+    flux = jnp.concatenate([zero, inner * terminal_velocity(hindered), zero])
     return Table(fraction, flux)
 
 
 def fastest_front(flux_table: Table, state: Array) -> Array:
-    """Greatest speed of a front or wave that leaves a suspension of one volume fraction; m/s, ().
+    """Returns the greatest speed of a front or wave from a uniform suspension; m/s, ().
 
-    MAX over phi of (f(phi_0) - f(phi)) / |phi - phi_0|: the steepest of its two lower hulls.
+    It is MAX over phi of (f(phi_0) - f(phi)) / |phi - phi_0|, the steepest slope of the two lower
+    hulls, with phi_0 = `state`.
     """
     distance = jnp.abs(flux_table.fraction - state)
-    apart = distance != 0.0  # True for nan, too
+    distinct = distance != 0.0  # True for nan, too
     drop = jnp.interp(state, flux_table.fraction, flux_table.flux) - flux_table.flux
-    return jnp.max(jnp.where(apart, drop / jnp.where(apart, distance, 1.0), 0.0))
+    return jnp.max(jnp.where(distinct, drop / jnp.where(distinct, distance, 1.0), 0.0))
 
 
 def bed_contact_fraction(flux_table: Table, full: Array) -> Array:
-    """Volume fraction that meets the bed: where the hull from phi_0 leaves f for (full, 0); 1, ().
+    """Returns the volume fraction just above the bed; 1, ().
 
-    phi_0 itself where the bed grows from a single front.
+    It is the point at which the hull from phi_0 leaves f towards (full, 0), and phi_0 itself if the
+    bed grows by a single front.
+
+    Args:
+      flux_table: f.
+      full: volume fraction at which the bed begins, ().
     """
     fraction, flux = flux_table.fraction[INTERVALS:], flux_table.flux[INTERVALS:]
     below = fraction < full
@@ -93,20 +103,20 @@ def bed_contact_fraction(flux_table: Table, full: Array) -> Array:
 
 
 def slope_limited(flux_table: Table, slope: Array) -> Table:
-    """f~, the largest flux below f that has slopes up to `slope`, in the unit of the flux."""
+    """Returns f~, the largest flux below f with slopes up to `slope`, in the unit of the flux."""
     distance = jnp.abs(flux_table.fraction[:, None] - flux_table.fraction[None, :])
     return Table(flux_table.fraction, jnp.min(flux_table.flux[None, :] + slope * distance, axis=1))
 
 
 class Godunov(NamedTuple):
-    """A flux with its extremes over 1, 2, 4, ... nodes from each: any range is two of them."""
+    """A flux with its extremes over ranges of 1, 2, 4, ... nodes; any range is covered by two."""
 
     table: Table
     least: Array  # least of f and of -f, (2, doublings, nodes)
 
 
 def prepare_godunov(flux_table: Table) -> Godunov:
-    """Tabulates the extremes of a flux, from which `godunov_flux` takes them."""
+    """Tabulates the extremes of a flux for `godunov_flux`."""
     least = [jnp.stack([flux_table.flux, -flux_table.flux])]
     while (width := 2 ** len(least)) <= flux_table.flux.size:
         last, half = least[-1], width // 2
@@ -116,11 +126,12 @@ def prepare_godunov(flux_table: Table) -> Godunov:
 
 
 def godunov_flux(godunov: Godunov, below: Array, above: Array) -> Array:
-    """G between a volume fraction and the one above it, downwards; in the flux's unit.
+    """Returns Godunov's flux G between two volume fractions, downwards, in the unit of the flux.
 
     Args:
-      godunov: the flux, prepared by `prepare_godunov`.
-      below, above: volume fractions of one shape, which is that of the result.
+      godunov: flux, prepared by `prepare_godunov`.
+      below: volume fractions below the faces.
+      above: volume fractions above the faces, of the same shape, which is that of the result.
     """
     (node, low, _), (upper, high, rises) = (
         _interpolated(godunov.table, side) for side in (below, above)
@@ -130,25 +141,25 @@ def godunov_flux(godunov: Godunov, below: Array, above: Array) -> Array:
     first = jnp.minimum(node, upper) + 1
     last = jnp.maximum(node, upper)
     count = last - first + 1
-    # On ties, the upwind value: else derivatives would be unstable.
+    # Ties take the upwind value; otherwise derivatives would be unstable.
     from_above = jnp.where(count > 0, sign * high < sign * low, rises)
     ends = sign * jnp.where(from_above, high, low)
     # Two ranges of a power of two cover the nodes from first to last.
     doubling = 31 - lax.clz(jnp.maximum(count, 1))
-    other = jnp.maximum(last + 1 - (1 << doubling), 0)
-    inner = jnp.minimum(godunov.least[kind, doubling, first], godunov.least[kind, doubling, other])
+    second = jnp.maximum(last + 1 - (1 << doubling), 0)
+    inner = jnp.minimum(godunov.least[kind, doubling, first], godunov.least[kind, doubling, second])
     return sign * jnp.where((count > 0) & (inner < ends), inner, ends)
 
 
 def _interpolated(flux_table: Table, fraction: Array) -> tuple[Array, Array, Array]:
-    """Node at or below each volume fraction, the flux interpolated there, and True if it rises."""
+    """Returns the node at or below a volume fraction, the flux, and True if the flux rises."""
     dense = fraction >= flux_table.initial
     origin = jnp.where(dense, flux_table.initial, 0.0)
     width = (
         jnp.where(dense, flux_table.densest - flux_table.initial, flux_table.initial) / INTERVALS
     )
-    place = (fraction - origin) / width + jnp.where(dense, float(INTERVALS), 0.0)
-    node = jnp.clip(lax.stop_gradient(place).astype(jnp.int32), 0, 2 * INTERVALS - 1)
+    position = (fraction - origin) / width + jnp.where(dense, float(INTERVALS), 0.0)
+    node = jnp.clip(lax.stop_gradient(position).astype(jnp.int32), 0, 2 * INTERVALS - 1)
     low, high = flux_table.flux[node], flux_table.flux[node + 1]
-    flux = low + (place - node.astype(place.dtype)) * (high - low)
+    flux = low + (position - node.astype(position.dtype)) * (high - low)
     return node, flux, high > low

@@ -1,4 +1,4 @@
-"""The result of a settling column: profiles of volume fraction, and heights read off them."""
+"""The result of a settling column: profiles of volume fraction, and the heights of fronts."""
 
 from dataclasses import dataclass, field
 
@@ -11,43 +11,43 @@ from jax import Array
 class Column:
     """A settling column at T times, in C cells from the floor to the initial height.
 
-    Where a traced call was given too few steps, or what cannot be, every number but the times and
+    If a traced call has too few steps or impossible arguments, every number except the times and
     `courant` is NaN.
     """
 
     times: Array
-    """Times as given, (T,) in s."""
+    """Output times, (T,) in s."""
     mudline: Array
     """Height of the interface to the clear fluid, (T,) in m.
 
-    What follows is of particles that sink; of those that rise it is the lower interface, in the
-    mirror.
+    It is the sum of the filled part of every cell. A cell is full if the cell above is at least as
+    dense as the initial suspension. Otherwise its filled part is its volume fraction over that of
+    the cell below, or over the initial one if that is larger. A front is thus located by particle
+    volume, not by a threshold. Its height is exact, over however many cells it is smeared, for a
+    front from the uniform suspension and at rest; in between it is accurate to first order. It is
+    continuous, and differentiable except at kinks. It starts at `initial_height`, and comes to rest
+    on a rigid bed at height x volume_fraction / bed_fraction.
 
-    Every cell counts with its share below the interface: all of it where the cell above is at least
-    as dense as the suspension was, else its solid over what it would hold at the fraction of the
-    cell below it, or at the initial one if that is more. So a front is read by its solid, not by a
-    threshold: exactly, however many cells it is smeared over, while it is one from the uniform
-    suspension, and at rest; to first order in between; continuous, with a slope but for kinks. It
-    starts at the height, and rests on a rigid bed at height x volume_fraction / bed_fraction.
+    If the particles rise, it is the height of the lower interface.
     """
     bed_front: Array
-    """Height of the top of the bed, or of the bottom of one under the lid; (T,) in m.
+    """Height of the top of the bed, (T,) in m; of its bottom, if it is under the lid.
 
-    By its solid, too: the excess over the fraction that meets the bed
-    (`kynch.bed_contact_fraction`). Less than a cell of suspension over it is none, and the front is
-    the mudline; from there to two cells it is led over linearly. Exact under a uniform suspension;
-    where a fan of concentrations hangs on the bed it lags by a cell or two. A compressible bed
-    begins at its gel fraction.
+    It is located by particle volume, too: by the excess over the volume fraction just above the bed
+    (`kynch.bed_contact_fraction`). With less than one cell of suspension above the bed, the front
+    is the mudline; from one cell to two cells the two are interpolated linearly. The height is
+    exact under a uniform suspension. Under a fan of volume fractions it lags by a cell or two. A
+    compressible bed begins at its gel fraction.
     """
     sedimentation_ratio: Array
-    """Share of the initial height that the suspension and its bed still fill; 1, (T,)."""
+    """Height of the mudline over the initial height; 1, (T,)."""
     volume_fraction: Array
-    """Mean of every cell, (T, C); 1."""
+    """Mean volume fraction of every cell; 1, (T, C)."""
     levels: Array
     """Heights of the middles of the cells, (C,) in m."""
     initial_height: Array
     """Height of the suspension at the start, m, ()."""
     courant: Array
-    """Cells that the fastest front crosses in a step; 1, ()."""
+    """Number of cells that the fastest front crosses in a step; 1, ()."""
     steps: int = field(metadata={"static": True})
-    """Number of equal steps; each of the times adds one by cutting another."""
+    """Number of equal steps; each output time cuts one of them in two."""

@@ -1,11 +1,10 @@
 """Finite volumes for a settling column: Godunov fluxes, Heun's steps, implicit stress.
 
-Without compression fluxes are taken between values at the faces of linear profiles in the cells
-(minmod), with Heun's steps (Shu & Osher 1988). With a compressible bed: piecewise-constant
-reconstruction, explicit Euler, and the stress implicit.
+With a rigid bed: piecewise-linear reconstruction (minmod) and Heun's steps (Shu & Osher 1988). With
+a compressible bed: piecewise-constant reconstruction, explicit Euler, and the stress implicit.
 
-Conservative; keeps the fractions between 0 and phi_m; first-order, as any scheme is where there are
-fronts.
+The scheme is conservative and keeps the volume fractions between 0 and phi_m. Near fronts it is of
+first order, like any scheme.
 """
 
 import math
@@ -22,18 +21,19 @@ from mrjax.core.parameters import Parameters
 from mrjax.laws import particle
 
 REACH = 0.5
-"""Most cells that a front may cross in a step: each half of a cell is a cell to its own face."""
+"""Largest number of cells that a front may cross in a step. It is one half, because with linear
+reconstruction each half of a cell acts as a cell of its own."""
 
 AT_REST = 4.0
-"""Times the rest time of the exact solution, by which the cells of a rigid bed rest, too."""
+"""Factor on the exact rest time, after which the cells of a rigid bed are at rest, too."""
 
 Carry = tuple[Array, Array, Array]
-"""Volume fractions, their rounding errors, and the profiles recorded so far."""
+"""Volume fractions, their rounding errors, and the recorded profiles."""
 
 
 @partial(jax.jit, static_argnames=("cells", "steps"))
 def solve(case: Case, *, cells: int, steps: int) -> Column:
-    """Solves a column, with the height of a cell and a step as units."""
+    """Simulates a column; internal units are the height of a cell and the length of a step."""
     case, rising = case.sinking()
     initial, densest = case.volume_fraction, case.bed_fraction
     cell = case.height / cells
@@ -52,8 +52,8 @@ def solve(case: Case, *, cells: int, steps: int) -> Column:
     possible = column_checks.possible(case, flux) & (courant <= REACH * (1.0 + 1e-5))
     valid = jnp.where(possible, 1.0, jnp.nan).astype(initial.dtype)
 
-    def level(of_cells: Array) -> Array:
-        return jnp.where(rising, case.height - cell * of_cells, cell * of_cells)
+    def level(cell_count: Array) -> Array:
+        return jnp.where(rising, case.height - cell * cell_count, cell * cell_count)
 
     return Column(
         times=case.times,
@@ -69,10 +69,10 @@ def solve(case: Case, *, cells: int, steps: int) -> Column:
 
 
 def until_rest(case: Case, flux: kynch.Table) -> Array:
-    """The times, s, (T,): those at which a rigid bed rests are one.
+    """Returns the output times, s, (T,), cut off at the time from which a rigid bed is at rest.
 
     Args:
-      case: of particles that sink.
+      case: column of particles that sink.
       flux: f, in m/s.
     """
     if case.compression is not None:
@@ -82,7 +82,7 @@ def until_rest(case: Case, flux: kynch.Table) -> Array:
 
 
 def fastest_front(case: Case, flux: kynch.Table) -> Array:
-    """Speed of the fastest front from the suspension, or from a compressible bed's surface; ()."""
+    """Returns the speed of the fastest front from the suspension or a compressible bed; ()."""
     front = kynch.fastest_front(flux, case.volume_fraction)
     if case.compression is None:
         return front
@@ -90,40 +90,41 @@ def fastest_front(case: Case, flux: kynch.Table) -> Array:
 
 
 def _profiles(case: Case, flux: kynch.Table, cells: int, steps: int) -> Array:
-    """Volume fractions at the times, (T, cells): the only scan.
+    """Integrates over all steps; returns the volume fractions at the times, (T, cells).
 
-    In chunks of steps: reverse mode keeps the beginning of each, and repeats the rest.
+    The steps are scanned in chunks. Reverse mode stores the beginning of each chunk and recomputes
+    the rest.
     """
-    shares, slots = _step_lengths(case.times, steps)
+    lengths, slots = _step_lengths(case.times, steps)
     count = case.times.size
-    chunk = math.isqrt(shares.size - 1) + 1
-    missing = -shares.size % chunk
-    shares = jnp.pad(shares, (0, missing)).reshape(-1, chunk)
+    chunk = math.isqrt(lengths.size - 1) + 1
+    missing = -lengths.size % chunk
+    lengths = jnp.pad(lengths, (0, missing)).reshape(-1, chunk)
     slots = jnp.pad(slots, (0, missing), constant_values=count).reshape(-1, chunk)
     godunov = kynch.prepare_godunov(kynch.slope_limited(flux, jnp.full_like(case.height, REACH)))
     stress, weight = case.compression, _net_weight(case.parameters) * case.height / cells
 
-    def second_order(fraction: Array, share: Array) -> Array:
-        """Flux of Heun's step: second order where the profile is smooth."""
-        first = share * _between_faces(godunov, fraction, case.bed_fraction)
-        once = fraction + jnp.diff(jnp.pad(first, 1))
-        return 0.5 * (first + share * _between_faces(godunov, once, case.bed_fraction))
+    def second_order(fraction: Array, length: Array) -> Array:
+        """Flux of Heun's step, of second order in smooth profiles."""
+        first = length * _limited_flux(godunov, fraction, case.bed_fraction)
+        predicted = fraction + jnp.diff(jnp.pad(first, 1))
+        return 0.5 * (first + length * _limited_flux(godunov, predicted, case.bed_fraction))
 
-    def first_order(fraction: Array, share: Array) -> Array:
+    def first_order(fraction: Array, length: Array) -> Array:
         """Flux of Euler's step between constant cells.
 
-        In a compressible bed at rest fluxes balance for thousands of steps, through which the
-        derivative of anything sharper grows without bound.
+        In a compressible bed at rest, fluxes balance for thousands of steps; the derivative of a
+        sharper scheme would grow without bound over these steps.
         """
-        return share * kynch.godunov_flux(godunov, fraction[:-1], fraction[1:])
+        return length * kynch.godunov_flux(godunov, fraction[:-1], fraction[1:])
 
     flux_between = second_order if stress is None else first_order
 
     def step(carry: Carry, now: tuple[Array, Array]) -> tuple[Carry, None]:
         fraction, rounding, recorded = carry
-        share, slot = now
-        down = flux_between(fraction, share)
-        # Kahan's sum: what rounding loses at rest is the same at every step.
+        length, slot = now
+        down = flux_between(fraction, length)
+        # Kahan's sum: at rest the rounding error is the same at every step, and would add up.
         change = jnp.diff(jnp.pad(down, 1)) + rounding
         settled = fraction + change
         rounding = change - (settled - fraction)
@@ -138,23 +139,23 @@ def _profiles(case: Case, flux: kynch.Table, cells: int, steps: int) -> Array:
         ), None
 
     @partial(jax.checkpoint, prevent_cse=False)
-    def steps_of_chunk(carry: Carry, now: tuple[Array, Array]) -> tuple[Carry, None]:
-        return lax.scan(step, carry, now)
+    def run_chunk(carry: Carry, chunk_steps: tuple[Array, Array]) -> tuple[Carry, None]:
+        return lax.scan(step, carry, chunk_steps)
 
     start = jnp.full(cells, case.volume_fraction)
-    nothing = jnp.zeros((count + 1, cells), start.dtype)  # the last row for steps without a time
-    carry = start, jnp.zeros_like(start), nothing
-    (*_, recorded), _ = lax.scan(steps_of_chunk, carry, (shares, slots))
+    profiles = jnp.zeros((count + 1, cells), start.dtype)  # last row: steps that end at no time
+    carry = start, jnp.zeros_like(start), profiles
+    (*_, recorded), _ = lax.scan(run_chunk, carry, (lengths, slots))
     return recorded[:count]
 
 
-def _between_faces(godunov: kynch.Godunov, fraction: Array, densest: Array) -> Array:
-    """Flux between every cell and the one above it, downwards; (cells - 1,).
+def _limited_flux(godunov: kynch.Godunov, fraction: Array, densest: Array) -> Array:
+    """Returns the downward flux between neighbouring cells with the minmod limiter; (cells - 1,).
 
-    Between what lines through the cells give at their faces: each rises by the smaller of the rises
-    to its neighbours, a full floor and clear fluid included, and not at all at a peak (minmod).
-    Steeper ones, such as van Leer's, find other fans than Kynch's where f has an inflection: with
-    more cells their error stays.
+    Profiles are linear within a cell. The slope is the smaller one of those to the two neighbours,
+    and zero at an extremum; beyond the ends are a full floor and clear fluid. Steeper limiters,
+    such as van Leer's, give other fans than Kynch's if f has an inflection, with an error that more
+    cells do not reduce.
     """
     floor = jnp.broadcast_to(densest, (1,))
     rises = jnp.diff(jnp.concatenate([floor, fraction, jnp.zeros_like(floor)]))
@@ -165,22 +166,23 @@ def _between_faces(godunov: kynch.Godunov, fraction: Array, densest: Array) -> A
 
 
 def _step_lengths(times: Array, steps: int) -> tuple[Array, Array]:
-    """Lengths of equal steps that are cut so that one ends at each of the times.
+    """Cuts equal steps so that a step ends at each of the times.
 
-    Returns: the length of each as a share of an equal one, and the number of the time at which it
-    ends, T for none; (steps + T,).
+    Returns:
+      The length of each step over that of an equal step, (steps + T,), and the index of the time at
+      which it ends, (steps + T,), or T for none.
     """
     count = times.size
     whole = jnp.arange(steps + 1, dtype=times.dtype)
-    # Without the barrier XLA sorts constant times while it compiles, for seconds.
+    # Without the barrier XLA would sort constant times during compilation, which takes seconds.
     time_in_steps = lax.optimization_barrier(times / times[-1] * steps)
-    shares = jnp.diff(jnp.sort(jnp.concatenate([whole, time_in_steps]), stable=True))
+    lengths = jnp.diff(jnp.sort(jnp.concatenate([whole, time_in_steps]), stable=True))
     number = jnp.arange(count, dtype=jnp.int32)
     ends = jnp.floor(lax.stop_gradient(time_in_steps)).astype(jnp.int32) + number
-    return shares, jnp.full(steps + count, count, jnp.int32).at[ends].set(number)
+    return lengths, jnp.full(steps + count, count, jnp.int32).at[ends].set(number)
 
 
 def _net_weight(parameters: Parameters) -> Array:
-    """Delta rho g, of the coated particle in the fluid; N/m^3, ()."""
+    """Net weight Delta rho g of the coated particles over their volume; N/m^3, ()."""
     excess = particle.apparent_density(parameters) - parameters.fluid_density
     return excess * parameters.gravity

@@ -13,15 +13,17 @@ from mrjax.core.errors import InputError
 from mrjax.core.tracing import drop_tracers, evaluated_or_none
 
 COURANT_SHARE = 0.95
-"""Share of `REACH` that the fastest front crosses in a step that is chosen."""
+"""Part of `REACH` that the fastest front crosses in a step of the chosen number."""
 MOST_STEPS = 10**8
 
 
 def fewest_steps(case: Case, cells: int) -> float | None:
-    """The fewest steps in which no front crosses more than half a cell; None for traced values.
+    """Returns the least number of steps in which no front crosses more than half a cell.
+
+    It is None for traced values.
 
     Raises:
-      InputError: particles that do not settle at every volume fraction.
+      InputError: the particles do not settle at every volume fraction.
     """
     evaluated = evaluated_or_none(lambda case: (*_speeds(case), case), drop_tracers(case))
     if evaluated is None:
@@ -32,14 +34,14 @@ def fewest_steps(case: Case, cells: int) -> float | None:
 
 
 def chosen_steps(fewest: float | None) -> int:
-    """Some more than the fewest steps, rounded up to four binary digits.
+    """Returns the least number of steps with a margin, rounded up to four binary digits.
 
     Raises:
-      InputError: they are not known, or more than can be waited for.
+      InputError: the least number is None, or larger than `MOST_STEPS`.
     """
     if fewest is None:
         raise InputError(
-            "what settles is traced by jit or vmap, so column cannot choose its steps; give "
+            "an argument is traced by jit or vmap, so column cannot choose its steps; give "
             "steps=mrjax.column_steps(...), computed outside from plain numbers"
         )
     steps = max(1.0, fewest / COURANT_SHARE)
@@ -54,7 +56,7 @@ def chosen_steps(fewest: float | None) -> int:
 
 @jax.jit
 def _speeds(case: Case) -> tuple[kynch.Table, Array, Array]:
-    """The flux and the fastest front, m/s, and the last time at which anything moves, s."""
+    """Returns the flux, m/s, the speed of the fastest front, m/s, and the last time, s."""
     case, _ = case.sinking()
     flux = kynch.table(case.parameters, case.hindrance, case.volume_fraction, case.bed_fraction)
     return flux, fastest_front(case, flux), until_rest(case, flux)[-1]

@@ -1,7 +1,7 @@
-"""Readings of a run: velocities, heights by several definitions, sedimentation ratios.
+"""Observables of a run: velocities, heights by several definitions, sedimentation ratios.
 
-Velocities are positive downwards. Where particles rise (`Run.rising`) the clear layer is below and
-the bed under the lid: all is then read in the mirror, and heights are those of the lower interface.
+Velocities are positive downwards. If the particles rise (`Run.rising`), the clear layer is at the
+floor and the bed under the lid; heights are then those of the lower interface.
 """
 
 from collections.abc import Callable
@@ -19,20 +19,20 @@ from mrjax.core.tracing import value_or_none
 from mrjax.observables.concentration import half_concentration, solid_below
 
 RELAXATIONS_TO_STEADY = 20.0
-"""Length of a run that gives the initial settling velocity to eight digits, in relaxation times:
-e^-20 of the start is left."""
+"""Length of a run that gives the initial settling velocity to eight digits, in relaxation times.
+The initial velocity has then decayed to e^-20 of its value."""
 
 
 def settling_velocity(run: Run) -> Array:
-    """Initial settling velocity: the fastest mean descent of the frames after the start.
+    """Returns the initial settling velocity: the fastest mean velocity after the start; m/s, ().
 
-    Positive downwards, while velocities of a `State` point up. Negative where particles rise: the
-    fastest is the one of the greatest magnitude. Particles reach it after a few relaxation times
-    (Eq. 27: 99 % after ln 100 = 4.6 of them) and keep it until a bed has grown under them: at least
-    one frame must lie in between, and a run that is shorter has no settling velocity yet. m/s, ().
+    It is positive downwards, whereas velocities of a `State` are positive upwards. If the particles
+    rise it is negative, and is the value of the greatest magnitude. Particles reach it after a few
+    relaxation times (Eq. 27: 99 % after ln 100 = 4.6 of them) and keep it until the bed has grown
+    to them. The run must have at least one frame within this period.
 
     Raises:
-      SimulationError: the run is not to be trusted.
+      SimulationError: the run has a fault.
     """
     checks.require_good_run(run)
     down, up = jnp.max(run.mean_velocity[1:]), jnp.min(run.mean_velocity[1:])
@@ -40,29 +40,29 @@ def settling_velocity(run: Run) -> Array:
 
 
 def top(run: Run) -> Array:
-    """The mudline: top of the highest particle; m, (frames + 1,).
+    """Returns the mudline: the top of the highest particle; m, (frames + 1,).
 
-    Of particles that rise, bottom of the lowest.
+    If the particles rise, it is the bottom of the lowest particle.
 
     Raises:
-      SimulationError: the run is not to be trusted.
+      SimulationError: the run has a fault.
     """
     checks.require_good_run(run)
     return run.mudline
 
 
 def mean_of_top(run: Run, fraction: float = 0.05) -> Array:
-    """Mean of the tops of the highest particles; m, (frames + 1,).
+    """Returns the mean of the tops of the highest particles; m, (frames + 1,).
 
-    Of rising ones, of the bottoms of the lowest.
+    If the particles rise, it is the mean of the bottoms of the lowest particles.
 
     Args:
-      run: at least one frame.
-      fraction: how many of the particles, rounded down to at least one; a number.
+      run: run with at least one frame.
+      fraction: fraction of the particles, rounded down to at least one particle; not traced.
 
     Raises:
-      InputError: a fraction not in (0, 1].
-      SimulationError: the run is not to be trusted.
+      InputError: `fraction` is not in (0, 1].
+      SimulationError: the run has a fault.
     """
     checks.require_good_run(run)
     fraction = checks.fraction(fraction, "fraction", allow_one=True)
@@ -72,19 +72,20 @@ def mean_of_top(run: Run, fraction: float = 0.05) -> Array:
 
 
 def mass_quantile(run: Run, fraction: float = 0.95) -> Array:
-    """Level below which a fraction of the solid volume lies, exact; m, (frames + 1,).
+    """Returns the level below which a fraction of the particle volume lies; m, (frames + 1,).
 
-    Above which, where particles rise. Of the mass, too, where all particles have one density.
-    It lies below the top of a uniform bed by that fraction of its height. If a gap between
-    particles makes the quantile ambiguous, a point of the gap, with zero derivative.
+    If the particles rise, that fraction lies above the level. If all particles have one density, it
+    is a quantile of the mass, too. In a uniform bed it is this fraction of the height of the bed.
+    The level is exact. If a gap between particles makes the quantile ambiguous, the level is a
+    point in the gap, with zero derivative.
 
     Args:
-      run: at least one frame.
-      fraction: of the solid; a number.
+      run: run with at least one frame.
+      fraction: fraction of the particle volume; not traced.
 
     Raises:
-      InputError: a fraction not in (0, 1).
-      SimulationError: the run is not to be trusted.
+      InputError: `fraction` is not in (0, 1).
+      SimulationError: the run has a fault.
     """
     checks.require_good_run(run)
     fraction = checks.fraction(fraction, "fraction")
@@ -92,13 +93,13 @@ def mass_quantile(run: Run, fraction: float = 0.95) -> Array:
 
 
 def twice_centre_of_mass(run: Run) -> Array:
-    """Twice the height of the solid's centre, which is the top of a uniform bed; m, (frames + 1,).
+    """Returns twice the height of the centre of volume of the particles; m, (frames + 1,).
 
-    As far from the lid where particles rise. Weighted by volume: the centre of mass, where all
-    particles have one density.
+    It is the top of a uniform bed. If all particles have one density, the centre of volume is the
+    centre of mass. If the particles rise, heights are measured from the lid.
 
     Raises:
-      SimulationError: the run is not to be trusted.
+      SimulationError: the run has a fault.
     """
     checks.require_good_run(run)
     volume = run.radius**3
@@ -112,21 +113,22 @@ HEIGHTS: dict[str, Callable[[Run], Array]] = {
     "half-concentration": half_concentration,
     "twice-centre-of-mass": twice_centre_of_mass,
 }
-"""Definitions of the height of a suspension or its bed, each (frames + 1,) in m."""
+"""Definitions of the height of a suspension or its bed, by name; each gives (frames + 1,) in m."""
 
 
 def sedimentation_ratio(run: Run, height: str = "top") -> Array:
-    """Height over the initial height of the suspension, which filled the box; 1, (frames + 1,).
+    """Returns the height over the initial height of the suspension; 1, (frames + 1,).
 
-    Where particles rise, what lies above the lower interface, (H - height) / H of the box' H.
+    The suspension fills the box at the start. If the particles rise, the ratio is (H - height) / H,
+    with the height H of the box.
 
     Args:
-      run: at least one frame.
-      height: one of `HEIGHTS`; the mudline.
+      run: run with at least one frame.
+      height: name of a definition in `HEIGHTS`; by default the mudline.
 
     Raises:
       InputError: there is no such height.
-      SimulationError: the run is not to be trusted.
+      SimulationError: the run has a fault.
 
     Example:
       >>> recipe = mrjax.Recipe.load("case2")
@@ -141,12 +143,12 @@ def sedimentation_ratio(run: Run, height: str = "top") -> Array:
 
 
 def mudline_descent(run: Run) -> Array:
-    """Rate of descent of the mudline from each frame to the next; m/s, (frames,).
+    """Returns the rate of descent of the mudline between successive frames; m/s, (frames,).
 
-    Negative where particles rise, and the lower interface with them.
+    It is negative if the particles rise.
 
     Raises:
-      SimulationError: the run is not to be trusted.
+      SimulationError: the run has a fault.
     """
     checks.require_good_run(run)
     return -jnp.diff(run.mudline) / jnp.diff(run.times)
@@ -156,56 +158,57 @@ class Asymptotes(NamedTuple):
     """The two straight lines of a sedimentation curve (Son 2018, Fig. 4)."""
 
     initial_slope: Array
-    """Rate of descent of the first, negative where particles rise; m/s, ()."""
+    """Rate of descent of the initial asymptote, negative if the particles rise; m/s, ()."""
     final_ratio: Array
-    """Sedimentation ratio at rest, the level of the second; 1, ()."""
+    """Sedimentation ratio at rest, the level of the final asymptote; 1, ()."""
     crossing_time: Array
-    """When they meet, s, ()."""
+    """Time at which the asymptotes cross; s, ()."""
 
 
 def asymptotes(run: Run) -> Asymptotes:
-    """Initial and final asymptotes of the mudline h(t), for a run to rest (Son 2018, Fig. 4).
+    """Returns the initial and final asymptotes of the mudline h(t) of a run to rest.
 
-    The first line is h(0) - s t, with the slope of least squares over the frames before the mudline
-    has descended more than a quarter of its whole way (the first frame after the start in any
-    case); the second is the mudline of the last frame. Where particles rise the same of the lower
-    interface. Undefined where nothing has settled: not a number in a traced call.
+    See Son (2018), Fig. 4. The initial asymptote is h(0) - s t. Its slope is fitted by least
+    squares to the frames in which the mudline has descended at most a quarter of its whole descent,
+    and at least to the first frame after the start. The final asymptote is the mudline of the last
+    frame. If the particles rise, they are those of the lower interface. In a traced call the result
+    is NaN if nothing has settled.
 
     Raises:
-      InputError: a run in which nothing has settled.
-      SimulationError: the run is not to be trusted.
+      InputError: nothing has settled in the run.
+      SimulationError: the run has a fault.
     """
     checks.require_good_run(run)
-    filled = from_bed(run, run.mudline)
-    descent = filled[0] - filled
-    whole = value_or_none(descent[-1])
-    if whole is not None and whole == 0.0:
+    height = from_bed(run, run.mudline)
+    descent = height[0] - height
+    total = value_or_none(descent[-1])
+    if total is not None and total == 0.0:
         raise InputError("the mudline has not moved: give a run in which something settles")
     early = lax.cummax(descent) <= 0.25 * descent[-1]
     time = jnp.where(early.at[1].set(True), run.times - run.times[0], 0.0)
     slope = jnp.sum(descent * time) / jnp.sum(time**2)
     return Asymptotes(
         jnp.where(run.rising, -slope, slope),
-        filled[-1] / run.initial_height,
+        height[-1] / run.initial_height,
         descent[-1] / slope,
     )
 
 
 @jax.jit
 def _mass_quantile(heights: Array, radius: Array, fraction: ArrayLike) -> Array:
-    """`mass_quantile` by bisection, with the derivative of the implicit equation."""
+    """Computes `mass_quantile` by bisection; its derivative is that of the implicit equation."""
     solid = fraction * jnp.sum(4.0 / 3.0 * jnp.pi * radius**3)
 
     @jax.checkpoint
-    def one_frame(heights: Array) -> Array:
-        def missing(level: Array) -> Array:
+    def quantile(heights: Array) -> Array:
+        def excess(level: Array) -> Array:
             return solid_below(heights, radius, level[None])[0] - solid
 
-        def bisection(missing: Callable, _: Array) -> Array:
+        def bisection(excess: Callable, _: Array) -> Array:
             def halved(_, bracket: tuple[Array, Array]) -> tuple[Array, Array]:
                 low, high = bracket
                 middle = 0.5 * (low + high)
-                enough = missing(middle) > 0.0
+                enough = excess(middle) > 0.0
                 return jnp.where(enough, low, middle), jnp.where(enough, middle, high)
 
             ends = jnp.min(heights - radius), jnp.max(heights + radius)
@@ -213,10 +216,10 @@ def _mass_quantile(heights: Array, radius: Array, fraction: ArrayLike) -> Array:
             return 0.5 * (low + high)
 
         def divided_by_slope(line: Callable, value: Array) -> Array:
-            slope = line(jnp.ones_like(value))  # the area that the level cuts through particles
+            slope = line(jnp.ones_like(value))  # area of the particles' cross-sections at the level
             return jnp.where(slope > 0.0, value / jnp.where(slope > 0.0, slope, 1.0), 0.0)
 
         start = jnp.zeros((), heights.dtype)
-        return lax.custom_root(missing, start, bisection, divided_by_slope)
+        return lax.custom_root(excess, start, bisection, divided_by_slope)
 
-    return lax.map(one_frame, heights)
+    return lax.map(quantile, heights)
