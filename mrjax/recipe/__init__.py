@@ -1,6 +1,6 @@
-"""The lab sheet: reading TOML, its tables, sizes, what is assumed, plausibility, `Parameters`.
+"""The lab sheet: TOML files, their tables, size distributions, assumptions, plausibility checks.
 
-The bundled sheets are in `bundled`, the commented template is `template.toml`.
+The bundled sheets are in `bundled`; `template.toml` is a commented template.
 """
 
 import lazy_loader

@@ -1,4 +1,4 @@
-"""Assumptions for what a sheet leaves open: properties of its liquid, the box of its particles."""
+"""Assumptions for keys that a sheet does not state: properties of its liquid, and its box."""
 
 import math
 
@@ -10,16 +10,17 @@ from mrjax.recipe.suspension import CHOSEN_PARTICLES, Suspension
 from mrjax.recipe.tables import Fluid
 
 SLENDER = 2.0
-"""Height of a chosen box over its width, as of the boxes of the bundled sheets."""
+"""Height of a chosen box over its width, as in the bundled sheets."""
 NARROWEST = 4.0
-"""Width of a chosen box, in largest diameters: none of its particles meets two images of another.
-"""
+"""Least width of a chosen box, in largest diameters, so that no particle touches two images of
+another."""
 MOST_CHOSEN = 10**5
-"""Particles of a chosen box; more would be needed only where a few hold all the volume."""
+"""Largest number of particles of a chosen box; only very wide size distributions would need more.
+"""
 
 
 def fluid(sheet: Fluid, temperature: float) -> Fluid:
-    """The fluid with what its liquid gives at a temperature in K.
+    """Returns the fluid with the density and viscosity of its liquid at a temperature in K.
 
     Raises:
       ValueError: the liquid would be frozen, or boil.
@@ -31,19 +32,19 @@ def fluid(sheet: Fluid, temperature: float) -> Fluid:
             f"temperature = {temperature:g}: water is liquid from {water.FREEZING:g} to "
             f"{water.BOILING:g}; give K: 20 degrees Celsius are 293.15"
         )
-    found = sheet.model_copy()
-    of_water = {"density": water.density, "viscosity": water.viscosity}
-    found.assume(
-        **{key: law(temperature) for key, law in of_water.items() if key not in sheet.stated}
+    completed = sheet.model_copy()
+    laws = {"density": water.density, "viscosity": water.viscosity}
+    completed.assume(
+        **{key: law(temperature) for key, law in laws.items() if key not in sheet.stated}
     )
-    return found
+    return completed
 
 
 def box(recipe: Suspension) -> Box:
-    """A box for `CHOSEN_PARTICLES`, periodic at its sides, with a floor and a lid.
+    """Returns a box for `CHOSEN_PARTICLES` with periodic sides, a floor and a lid.
 
-    Nobody stated walls, so that none hinders the particles at the sides. A spread of sizes takes
-    more particles where the largest would not fit otherwise.
+    Without stated walls, no wall hinders the particles at the sides. A wide size distribution gets
+    more particles if the largest would not fit otherwise.
     """
     count = CHOSEN_PARTICLES
     while True:
@@ -62,12 +63,12 @@ def _diameters(recipe: Suspension, count: int) -> np.ndarray:
 
 
 def notes(recipe: Suspension) -> list[str]:
-    """Remarks on what was assumed of the liquid."""
-    found = recipe.fluid
-    if found.liquid is None:
+    """Returns notes on the assumed properties of the liquid."""
+    fluid = recipe.fluid
+    if fluid.liquid is None:
         return []
-    values = {"density": f"{found.density:.6g} kg/m^3", "viscosity": f"{found.viscosity:.4g} Pa s"}
-    assumed = [f"{key} {value}" for key, value in values.items() if key not in found.stated]
+    values = {"density": f"{fluid.density:.6g} kg/m^3", "viscosity": f"{fluid.viscosity:.4g} Pa s"}
+    assumed = [f"{key} {value}" for key, value in values.items() if key not in fluid.stated]
     if not assumed:
         return []
-    return [f"{found.liquid} at {recipe.temperature:g} K has {' and '.join(assumed)}"]
+    return [f"{fluid.liquid} at {recipe.temperature:g} K has {' and '.join(assumed)}"]

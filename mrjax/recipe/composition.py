@@ -1,4 +1,4 @@
-"""The composition of a suspension: four ways of stating it, and the volume fraction of each."""
+"""The composition of a suspension, stated in one of four ways, and its volume fraction."""
 
 from typing import Any, NamedTuple, Self
 
@@ -7,18 +7,18 @@ from pydantic import Field, model_validator
 from mrjax.recipe.sheets import Sheet
 
 WEIGHTS = ("particle", "fluid", "coating")
-"""Keys of the weight fractions, which are one way together."""
+"""Keys of the weight fractions, which together state the composition."""
 ALONE = ("volume_fraction", "concentration", "solids_ratio")
-"""Keys that are a way each."""
+"""Keys that state the composition alone."""
 WAYS = (
     "weight fractions particle and fluid (and coating), volume_fraction, concentration (kg/m^3), "
     "or solids_ratio (kg of particles per kg of fluid)"
 )
-"""The ways, as messages list them."""
+"""List of the four ways for messages."""
 
 
 class Phases(NamedTuple):
-    """Densities of what a suspension is made of, and how thick its coating is."""
+    """Densities of particle, fluid and coating, and the volume of the coating."""
 
     particle: float  # kg/m^3
     fluid: float  # kg/m^3
@@ -27,11 +27,12 @@ class Phases(NamedTuple):
 
 
 class Composition(Sheet):
-    """Amount of particles in the suspension, stated in one way.
+    """Amount of particles in the suspension, stated in one of four ways.
 
-    Particles are without their coating in every way. Weight fractions say how much coating there
-    is. In `volume_fraction` and `concentration` the coating is a part of the rest; a `solids_ratio`
-    is of particles and fluid as weighed, to which the layer of [coating] adds its volume.
+    Particles are always counted without their coating. Weight fractions include one for the
+    coating. With `volume_fraction` and `concentration` the coating is part of the rest of the
+    suspension. A `solids_ratio` is that of particles and fluid as weighed; the layer of [coating]
+    adds its volume to them.
     """
 
     particle: float | None = Field(
@@ -60,11 +61,11 @@ class Composition(Sheet):
 
     @property
     def key(self) -> str:
-        """The key that states how much there is of the particles."""
+        """The key that states the amount of particles."""
         return next(key for key in ("particle", *ALONE) if getattr(self, key) is not None)
 
     def changed(self, changes: dict[str, Any]) -> dict[str, Any]:
-        """The stated keys with some changed; another way takes the place of the one before."""
+        """Returns the stated keys with some changed; another way replaces the earlier one."""
         if any(changes.get(key) is not None for key in ALONE):
             return changes
         if not self.by_weight and any(
@@ -73,54 +74,53 @@ class Composition(Sheet):
             return changes
         return super().changed(changes)
 
-    def fraction(self, of: Phases) -> float:
-        """Volume fraction of the uncoated particles; 1."""
+    def fraction(self, phases: Phases) -> float:
+        """Returns the volume fraction of the uncoated particles; 1."""
         if self.volume_fraction is not None:
             return self.volume_fraction
         if self.concentration is not None:
-            return self.concentration / of.particle
+            return self.concentration / phases.particle
         if self.solids_ratio is not None:
-            solid = self.solids_ratio / of.particle
-            return solid / (solid * (1.0 + of.layer) + 1.0 / of.fluid)
-        solid = (self.particle or 0.0) / of.particle
-        return solid / (solid + self._rest(of))
+            solid = self.solids_ratio / phases.particle
+            return solid / (solid * (1.0 + phases.layer) + 1.0 / phases.fluid)
+        solid = (self.particle or 0.0) / phases.particle
+        return solid / (solid + self._rest(phases))
 
-    def stating(self, fraction: float, of: Phases) -> float:
-        """Value of `key` that gives a volume fraction, with all else in the same proportions.
+    def stating(self, fraction: float, phases: Phases) -> float:
+        """Returns the value of `key` for a volume fraction, with the rest in the same proportions.
 
         Args:
           fraction: volume fraction of the uncoated particles; 1.
-          of: what the suspension is made of.
+          phases: densities of particle, fluid and coating.
         """
         if self.volume_fraction is not None:
             return fraction
-        solid = fraction * of.particle  # kg per m^3 of suspension
+        solid = fraction * phases.particle  # kg per m^3 of suspension
         if self.concentration is not None:
             return solid
         if self.solids_ratio is not None:
-            return solid / (of.fluid * (1.0 - fraction * (1.0 + of.layer)))
-        rest = self._rest(of) / (1.0 - (self.particle or 0.0))
+            return solid / (phases.fluid * (1.0 - fraction * (1.0 + phases.layer)))
+        rest = self._rest(phases) / (1.0 - (self.particle or 0.0))
         return solid / (solid + (1.0 - fraction) / rest)
 
-    def _rest(self, of: Phases) -> float:
-        """Volume of fluid and coating in a kg of suspension, by weight fractions; m^3."""
-        return (self.fluid or 0.0) / of.fluid + (self.coating / of.coating if of.coating else 0.0)
+    def _rest(self, phases: Phases) -> float:
+        """Returns the volume of fluid and coating in a kg of suspension, m^3."""
+        coating = self.coating / phases.coating if phases.coating else 0.0
+        return (self.fluid or 0.0) / phases.fluid + coating
 
     @model_validator(mode="after")
-    def _one_way(self) -> Self:
+    def _stated_once(self) -> Self:
         alone = [key for key in ALONE if getattr(self, key) is not None]
         weights = [key for key in WEIGHTS if getattr(self, key)]
         if not alone and not weights:
             raise ValueError(f"composition: states no amount of particles; give one of {WAYS}")
         if len(alone) + bool(weights) > 1:
-            found = " and ".join(f"{key} = {getattr(self, key):g}" for key in [*weights, *alone])
-            raise ValueError(
-                f"composition.{found}: stated in more than one way; keep one of {WAYS}"
-            )
+            keys = " and ".join(f"{key} = {getattr(self, key):g}" for key in [*weights, *alone])
+            raise ValueError(f"composition.{keys}: stated in more than one way; keep one of {WAYS}")
         for key in ("particle", "fluid") if weights else ():
             if getattr(self, key) is None:
-                what = type(self).model_fields[key].description
-                raise ValueError(f"composition.{key} is missing; give {what}")
+                remedy = type(self).model_fields[key].description
+                raise ValueError(f"composition.{key} is missing; give {remedy}")
         return self
 
     @model_validator(mode="after")

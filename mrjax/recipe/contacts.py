@@ -1,6 +1,6 @@
-"""Needs of particles in contact alone: moduli, and a box that holds some of them.
+"""Keys that only a simulation of particles needs: moduli, and a box that holds some particles.
 
-A suspension as a whole, its drag and its velocity, can do without; a run of particles cannot.
+The drag, the velocity and the column of a suspension do not need them.
 """
 
 from mrjax.core.errors import InputError
@@ -10,7 +10,7 @@ from mrjax.recipe.tables import MODULI, Coating, Particle
 
 
 def missing(recipe: Suspension) -> str | None:
-    """The entry that a run of particles lacks, with its remedy; None if nothing."""
+    """Returns a message on a key that a simulation of particles lacks; None if it lacks none."""
     table, surface = _surface(recipe)
     for key in MODULI:
         if getattr(surface, key) is None:
@@ -34,24 +34,25 @@ def missing(recipe: Suspension) -> str | None:
 
 
 def refuse_missing(recipe: Suspension) -> None:
-    """Passes a recipe whose particles can meet.
+    """Refuses a recipe that lacks a key for a simulation of particles.
 
     Raises:
-      InputError: what is missing for it.
+      InputError: a key is missing, or the box does not hold a suitable number of particles.
     """
     if line := missing(recipe):
         raise InputError(f"recipe {recipe.name!r}: {line}")
 
 
 def notes(recipe: Suspension) -> list[str]:
-    """Remarks on what was assumed for particles in contact."""
+    """Returns notes on the assumptions for particles in contact."""
     table, surface = _surface(recipe)
     lines = []
     assumed = [key for key in MODULI if surface.material and key not in surface.stated]
     if surface.material and assumed:
         values = " and ".join(f"{table}.{key} = {getattr(surface, key):.3g}" for key in assumed)
         lines.append(
-            f"{values}: assumed for a {surface.material}, as of {MATERIALS[surface.material].of}"
+            f"{values}: assumed for a {surface.material}, "
+            f"values of {MATERIALS[surface.material].example}"
         )
     if "box" not in recipe.stated:
         size = " x ".join(f"{1e6 * length:.4g}" for length in recipe.box.size)
@@ -63,5 +64,5 @@ def notes(recipe: Suspension) -> list[str]:
 
 
 def _surface(recipe: Suspension) -> tuple[str, Particle | Coating]:
-    """The table of the material that touches, and its name."""
+    """Returns the name and the table of the outer material of a particle."""
     return ("coating", recipe.coating) if recipe.coating else ("particle", recipe.particle)

@@ -1,8 +1,9 @@
-"""Moduli of a kind of material, for a sheet that states none.
+"""Moduli of classes of materials, for a sheet that states none.
 
-Handbook values of one common material of each kind, at room temperature: Callister & Rethwisch,
-Materials Science and Engineering, 8th ed., Appendix B, Tables B.2 and B.3. Others of the kind have
-moduli within a factor of about three. Runs to rest soften contacts by far more.
+They are handbook values of one common material of each class, at room temperature: Callister &
+Rethwisch, Materials Science and Engineering, 8th ed., Appendix B, Tables B.2 and B.3. Other
+materials of the class have moduli within a factor of about three. Simulations to rest soften
+contacts by far more.
 """
 
 from typing import NamedTuple
@@ -13,7 +14,7 @@ class Moduli(NamedTuple):
 
     elastic_modulus: float  # Pa
     poisson_ratio: float  # 1
-    of: str  # the material that has them
+    example: str  # the material that has them
 
 
 MATERIALS = {
@@ -21,4 +22,4 @@ MATERIALS = {
     "mineral": Moduli(69e9, 0.23, "soda-lime glass"),
     "polymer": Moduli(2.8e9, 0.33, "polystyrene"),
 }
-"""Kinds of material by the names that a lab sheet uses."""
+"""Moduli by the names of materials that a lab sheet uses."""

@@ -1,8 +1,7 @@
-"""A size distribution by three of its percentiles, as a laser granulometer prints them.
+"""A size distribution given by three percentiles, as a laser granulometer prints them.
 
-The share of the volume in smaller particles is linear in ln d from d10 to d50 and from d50 to d90.
-The tenth beyond either end goes on with the slope beside it, from d0 = d10 (d10 / d50)^(1/4) to
-d100 = d90 (d90 / d50)^(1/4).
+The cumulative volume is linear in ln d from d10 to d50 and from d50 to d90. Beyond d10 and d90 it
+continues with the same slopes, from d0 = d10 (d10 / d50)^(1/4) to d100 = d90 (d90 / d50)^(1/4).
 """
 
 import math
@@ -14,22 +13,22 @@ from mrjax.core.errors import InputError, shown
 from mrjax.recipe.size_checks import is_positive, refuse_tiny
 
 SHARES = np.array([0.0, 0.1, 0.5, 0.9, 1.0])
-"""Shares of the volume in particles below the nodes d0, d10, d50, d90 and d100."""
+"""Cumulative volume at the nodes d0, d10, d50, d90 and d100."""
 WIDEST_RATIO = 1e3
-"""Largest d90 / d10: the widest powders have a hundred."""
+"""Largest d90 / d10; the widest powders have a hundred."""
 
 
 @dataclass(frozen=True)
 class Percentiles:
-    """Diameters below which a tenth, half and nine tenths of the volume of the particles are.
+    """Diameters below which 10, 50 and 90 % of the volume of the particles lie.
 
     Args:
-      d10: m.
-      d50: m.
-      d90: m.
+      d10: diameter below which 10 % of the volume lies, m.
+      d50: diameter below which 50 % of the volume lies, m.
+      d90: diameter below which 90 % of the volume lies, m.
 
     Raises:
-      InputError: no diameters, or none that ascend.
+      InputError: a value is no diameter, or the three do not ascend.
     """
 
     d10: float
@@ -57,32 +56,32 @@ class Percentiles:
     @property
     def mean_cube(self) -> float:
         """Mean of d^3 over the particles, m^3."""
-        return 1.0 / float(np.sum(self._shares_of_power(-3)))
+        return 1.0 / float(np.sum(self._moment_parts(-3)))
 
     @property
     def settling_diameter(self) -> float:
-        """Root of the mean of d^2 by volume, m: its Stokes velocity is the mean by mass."""
-        return math.sqrt(float(np.sum(self._shares_of_power(2))))
+        """Root mean square diameter by volume, m; its Stokes velocity is the mean by mass."""
+        return math.sqrt(float(np.sum(self._moment_parts(2))))
 
     def sample(self, particles: int) -> np.ndarray:
-        """Diameters of that many particles, (N,) in m, ascending."""
-        numbers, nodes = self._shares_of_power(-3), self._nodes()
-        upto = np.concatenate([[0.0], np.cumsum(numbers)])
-        wanted = (np.arange(particles) + 0.5) / particles * upto[-1]
-        row = np.clip(np.searchsorted(upto, wanted, side="right") - 1, 0, len(numbers) - 1)
-        inside = (wanted - upto[row]) / numbers[row]
-        # The number below d is linear in d^-3 where the volume below d is linear in ln d.
+        """Returns the diameters of N particles at the quantiles, (N,) in m, ascending."""
+        numbers, nodes = self._moment_parts(-3), self._nodes()
+        cumulative = np.concatenate([[0.0], np.cumsum(numbers)])
+        target = (np.arange(particles) + 0.5) / particles * cumulative[-1]
+        row = np.clip(np.searchsorted(cumulative, target, side="right") - 1, 0, len(numbers) - 1)
+        part = (target - cumulative[row]) / numbers[row]
+        # If the volume below d is linear in ln d, the number below d is linear in d^-3.
         lower, upper = nodes[row] ** -3.0, nodes[row + 1] ** -3.0
-        return (lower + inside * (upper - lower)) ** (-1.0 / 3.0)
+        return (lower + part * (upper - lower)) ** (-1.0 / 3.0)
 
     def _nodes(self) -> np.ndarray:
-        """d0, d10, d50, d90 and d100, (5,) in m."""
+        """Returns d0, d10, d50, d90 and d100, (5,) in m."""
         least = self.d10 * (self.d10 / self.d50) ** 0.25
         largest = self.d90 * (self.d90 / self.d50) ** 0.25
         return np.array([least, self.d10, self.d50, self.d90, largest], float)
 
-    def _shares_of_power(self, power: int) -> np.ndarray:
-        """The mean of d^k by volume, as its four parts between the nodes, (4,) in m^k."""
+    def _moment_parts(self, power: int) -> np.ndarray:
+        """Returns the four parts of the mean of d^k by volume, between the nodes, (4,) in m^k."""
         nodes = self._nodes()
         powers, logs = nodes ** float(power), np.log(nodes)
         return np.diff(SHARES) * np.diff(powers) / (power * np.diff(logs))

@@ -1,4 +1,4 @@
-"""Plausibility of a lab sheet: numbers in another unit, and suspensions that cannot be made."""
+"""Plausibility of a lab sheet: numbers in wrong units, and suspensions that cannot exist."""
 
 import math
 
@@ -14,21 +14,21 @@ RANDOM_CLOSE_PACKING = 0.64
 """Volume fraction above which equal spheres cannot be dispersed (Desmond & Weeks, 0903.0864)."""
 
 LEAST_DENSITY, LEAST_MODULUS, LEAST_TEMPERATURE = 10.0, 1e3, 100.0
-"""kg/m^3, Pa and K: below these a number was given in another unit."""
+"""Bounds in kg/m^3, Pa and K; a smaller number was given in another unit."""
 LARGEST_DIAMETER, LARGEST_BOX = 0.1, 1e3
-"""m: beyond these a number was given in another unit."""
+"""Bounds in m; a larger number was given in another unit."""
 
-UNIT_OF = {"concentration": " kg/m^3, which are g/L", "solids_ratio": " kg per kg of fluid"}
-"""Unit of a key of the composition, as messages show it."""
+UNITS = {"concentration": " kg/m^3, which are g/L", "solids_ratio": " kg per kg of fluid"}
+"""Units of the keys of the composition in messages."""
 NEUTRAL = 1e-9
-"""Relative difference of densities below which it is one of rounding."""
+"""Relative difference of densities that counts as equal."""
 
 
 def refuse_implausible(recipe: Suspension) -> None:
-    """Passes a suspension that can be made.
+    """Refuses a suspension that cannot exist.
 
     Raises:
-      ValueError: the first fault: the key, its value, what is wrong and what to give.
+      ValueError: there is a fault; the message has the key, its value, the fault and the remedy.
     """
     _refuse_units(recipe)
     _refuse_coating(recipe)
@@ -39,18 +39,18 @@ def refuse_implausible(recipe: Suspension) -> None:
 
 
 def notes(recipe: Suspension) -> list[str]:
-    """Remarks on what does not add up, though it can be simulated."""
-    weight, held = recipe.composition.particle, recipe.composition.coating
+    """Returns notes on inconsistent values that do not prevent a simulation."""
+    weight, stated = recipe.composition.particle, recipe.composition.coating
     if not recipe.coating or weight is None:
         return []
     layer = recipe.coating.density * (recipe.radius_factor**3 - 1.0)
     needed = weight * layer / recipe.particle.density
-    if needed <= held * (1 + 1e-9):
+    if needed <= stated * (1 + 1e-9):
         return []
-    largest = (1.0 + held / weight * recipe.particle.density / recipe.coating.density) ** (1 / 3)
+    largest = (1.0 + stated / weight * recipe.particle.density / recipe.coating.density) ** (1 / 3)
     return [
         f"a coating of radius_factor {recipe.radius_factor:g} takes {needed:.2%} of the weight, "
-        f"the composition holds {held:.2%}, enough for {largest:.3f}"
+        f"the composition holds {stated:.2%}, enough for {largest:.3f}"
     ]
 
 
@@ -85,15 +85,15 @@ def _refuse_units(recipe: Suspension) -> None:
 
 
 def _refuse_coating(recipe: Suspension) -> None:
-    made_of = recipe.composition
-    if recipe.radius_factor > 1 and made_of.by_weight and made_of.coating == 0:
+    composition = recipe.composition
+    if recipe.radius_factor > 1 and composition.by_weight and composition.coating == 0:
         raise ValueError(
             "composition.coating is missing or 0, though [coating] has radius_factor = "
             f"{recipe.radius_factor}; give its weight fraction, or remove [coating]"
         )
-    if made_of.coating > 0 and not recipe.coating:
+    if composition.coating > 0 and not recipe.coating:
         raise ValueError(
-            f"composition.coating = {made_of.coating}: there is no table [coating]; "
+            f"composition.coating = {composition.coating}: there is no table [coating]; "
             "add one, or set the fraction to 0"
         )
 
@@ -106,7 +106,7 @@ def _refuse_packing(recipe: Suspension) -> None:
         raise ValueError(
             f"composition.{key} = {getattr(recipe.composition, key)}: a volume fraction of "
             f"{recipe.volume_fraction:.3f} is denser than random close packing ({limit}); give "
-            f"less than {most:.4g}{UNIT_OF.get(key, '')}"
+            f"less than {most:.4g}{UNITS.get(key, '')}"
         )
     if recipe.coated_volume_fraction >= limit:
         most = (limit / recipe.volume_fraction) ** (1 / 3)
@@ -118,7 +118,7 @@ def _refuse_packing(recipe: Suspension) -> None:
 
 
 def _refuse_neutral(recipe: Suspension) -> None:
-    """Lighter particles cream; of equal density they do neither."""
+    """Refuses particles of the density of the fluid, which neither settle nor cream."""
     if math.isclose(recipe.apparent_density, recipe.fluid.density, rel_tol=NEUTRAL):
         coated = " with their coating" if recipe.coating else ""
         raise ValueError(
@@ -162,10 +162,12 @@ def _refuse_factors(recipe: Suspension) -> None:
 
 
 def refuse_box(recipe: Suspension) -> None:
-    """Passes a stated box that its particles fit into, and one whose particles cannot be run.
+    """Refuses a stated box into which its particles do not fit.
+
+    A box with no particles, or with too many to simulate, passes: its particles are never used.
 
     Raises:
-      ValueError: its size, what is wrong and what to give.
+      ValueError: the box is too large or too narrow.
     """
     if max(recipe.box.size) > LARGEST_BOX:
         raise ValueError(
@@ -174,7 +176,7 @@ def refuse_box(recipe: Suspension) -> None:
         )
     size = list(recipe.box.size)
     if not 1 <= recipe.particle_count <= MOST_PARTICLES:
-        return  # its particles are never run
+        return  # its particles are never simulated
     diameter = recipe.largest_diameter
     for axis, length, periodic in zip(AXES, recipe.box.size, recipe.box.periodic, strict=True):
         if periodic and length < 2.0 * diameter:

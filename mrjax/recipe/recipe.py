@@ -1,8 +1,8 @@
-"""The lab sheet: what a suspension is made of, and the `Parameters` that follow from it.
+"""The lab sheet: the composition of a suspension, and the `Parameters` that follow from it.
 
-A composition becomes volume fractions, a number of particles in the box, and the `Parameters` that
-every law reads. Everything is checked here, once; what only particles in contact use is asked for
-where they are run.
+The sheet gives volume fractions, a number of particles in the box, and the `Parameters` that the
+laws read. Everything is checked here, once. Keys that only particles in contact use may be missing;
+a simulation of particles then refuses the sheet.
 """
 
 from pathlib import Path
@@ -23,10 +23,10 @@ from mrjax.recipe.tables import MODULI, Wall
 
 
 class Recipe(Suspension):
-    """A suspension in a box, as written on a lab sheet; SI units, weight fractions.
+    """A suspension in a box, as on a lab sheet, in SI units.
 
-    `Recipe.load` reads one, `Recipe(name=..., particle={...}, ...)` takes its tables; a wrong one
-    is an `InputError` in one line.
+    `Recipe.load` reads a sheet; `Recipe(name=..., particle={...}, ...)` takes its tables. A fault
+    raises an `InputError` in one line.
     """
 
     def __init__(self, /, **tables: Any):
@@ -37,7 +37,7 @@ class Recipe(Suspension):
 
     @classmethod
     def load(cls, source: str | Path) -> "Recipe":
-        """A bundled recipe by name (`case1`, `case2`, `case3`) or a TOML file by path.
+        """Loads a bundled recipe by name (`case1`, `case2`, `case3`) or a TOML file by path.
 
         Raises:
           InputError: the file or a value in it cannot be used.
@@ -51,15 +51,15 @@ class Recipe(Suspension):
         return sheets.validated(cls, table, str(source))
 
     def replace(self, **changes: Any) -> "Recipe":
-        """Returns the sheet with some of it changed, and checked again.
+        """Returns a copy of the sheet with some keys changed, and checked again.
 
             recipe.replace(gravity=1.62, fluid={"viscosity": 0.1}, coating=None)
 
         Args:
-          changes: by key; of a table that the sheet has, only the keys to change.
+          changes: new values by key; for a table that the sheet has, a dict of the changed keys.
 
         Raises:
-          InputError: a value that cannot be used.
+          InputError: a value cannot be used.
         """
         tables = {}
         for name, table in vars(self).items():
@@ -72,34 +72,37 @@ class Recipe(Suspension):
 
     @property
     def notes(self) -> list[str]:
-        """Remarks on what was assumed, and on what does not add up though it can be simulated."""
+        """Notes on assumed values, and on inconsistent values that do not prevent a simulation."""
         return [*assumptions.notes(self), *plausibility.notes(self)]
 
     @property
     def contact_notes(self) -> list[str]:
-        """Remarks on what was assumed for particles in contact, which no other model uses."""
+        """Notes on values assumed for particles in contact, which no other model uses."""
         return contacts.notes(self)
 
     def parameters(self, dtype: DTypeLike = float) -> Parameters:
-        """The physical quantities every law reads: a pytree in SI units.
+        """Returns the physical quantities that the laws read, as a pytree in SI units.
 
-        Leaves have shape (); the radius (N,) where sizes are distributed, and what belongs to two
-        surfaces (2, 2) where it differs between particles and walls. Moduli that the sheet does not
-        give are NaN: only particles in contact need them, and a run of these refuses them.
+        Leaves have shape (). With a size distribution the radius has shape (N,). A property of two
+        surfaces has shape (2, 2) if it differs between particles and walls. Moduli that the sheet
+        does not state are NaN; only particles in contact need them, and their simulation refuses
+        NaN.
 
         Args:
-          dtype: of the leaves; `float` is JAX's default.
+          dtype: dtype of the leaves; `float` is JAX's default.
         """
         surface = self.coating or self.particle
         wall = self.wall or Wall()
-        elastic_modulus, poisson_ratio = (_or(getattr(surface, key), np.nan) for key in MODULI)
-        diameter, touch = self.particle.diameter, self.contact
+        elastic_modulus, poisson_ratio = (
+            _value_or(getattr(surface, key), np.nan) for key in MODULI
+        )
+        diameter, contact = self.particle.diameter, self.contact
 
-        def of_surfaces(name: str) -> float | np.ndarray:
-            between, at_wall = getattr(touch, name), getattr(wall, name, None)
-            if at_wall is None or at_wall == between:
-                return between
-            return np.array([[between, at_wall], [at_wall, at_wall]])
+        def value_or_table(name: str) -> float | np.ndarray:
+            particles, walls = getattr(contact, name), getattr(wall, name, None)
+            if walls is None or walls == particles:
+                return particles
+            return np.array([[particles, walls], [walls, walls]])
 
         parameters = Parameters(
             radius=(diameter if isinstance(diameter, float) else self.diameters) / 2,
@@ -108,13 +111,13 @@ class Recipe(Suspension):
             viscosity=self.fluid.viscosity,
             elastic_modulus=elastic_modulus,
             poisson_ratio=poisson_ratio,
-            wall_elastic_modulus=_or(wall.elastic_modulus, elastic_modulus),
-            wall_poisson_ratio=_or(wall.poisson_ratio, poisson_ratio),
+            wall_elastic_modulus=_value_or(wall.elastic_modulus, elastic_modulus),
+            wall_poisson_ratio=_value_or(wall.poisson_ratio, poisson_ratio),
             # Every key of [contact] is a leaf.
-            **{name: of_surfaces(name) for name in vars(touch)},
+            **{name: value_or_table(name) for name in vars(contact)},
             gravity=self.gravity,
             added_mass=self.drag.added_mass,
-            # Without a coating the layer that f_r would add is one of fluid.
+            # Without a coating, a layer that f_r adds consists of fluid.
             coating_density=self.coating.density if self.coating else self.fluid.density,
             f_w=self.f_w,
             f_s=self.f_s,
@@ -135,5 +138,5 @@ class Recipe(Suspension):
         return self
 
 
-def _or(value: float | None, otherwise: float) -> float:
-    return otherwise if value is None else value
+def _value_or(value: float | None, default: float) -> float:
+    return default if value is None else value

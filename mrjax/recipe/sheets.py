@@ -1,4 +1,4 @@
-"""TOML sheets: found, read, validated, and every fault said in one line with its remedy."""
+"""Reading and validation of TOML sheets; each fault is reported in one line with its remedy."""
 
 import difflib
 import os
@@ -25,22 +25,22 @@ from mrjax.io import reading
 from mrjax.recipe import toml_limits
 
 MOST_BYTES = 10**6
-"""Size of a file beyond which it is no sheet that anyone has written."""
+"""Largest size of a sheet in bytes."""
 SMALLEST, LARGEST = 1e-30, 1e30
-"""Bounds of numbers beside 0, in any unit: what follows from others is not finite."""
+"""Bounds of the magnitude of nonzero numbers, in any unit; others overflow or underflow."""
 LONGEST_NAME, LONGEST_PATH = 200, 1000
-"""Characters."""
+"""Largest numbers of characters."""
 
 UNSTATED: Any = None
-"""Default of a key that `Sheet.assume` fills in where it is not stated, so that it has a value."""
+"""Default of a key that is not optional: `Sheet.assume` fills it in if it is not stated."""
 
 
 class Sheet(BaseModel):
-    """A table of a TOML file: known keys only, numbers that are numbers, frozen once read.
+    """A table of a TOML file with known keys and finite numbers; frozen once it is read.
 
-    In Python None is as good as a key that is left out.
+    In Python, None stands for a missing key.
 
-    Each field's description says what to give, and becomes the remedy in an error.
+    The description of a field says what to give, and is the remedy in error messages.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
@@ -67,19 +67,19 @@ class Sheet(BaseModel):
 
     @property
     def stated(self) -> dict[str, Any]:
-        """The keys that were given, with their values; not what was assumed."""
+        """The stated keys with their values, without assumed ones."""
         return {key: getattr(self, key) for key in self.model_fields_set}
 
     def changed(self, changes: dict[str, Any]) -> dict[str, Any]:
-        """The stated keys with some changed."""
+        """Returns the stated keys with some changed."""
         return self.stated | changes
 
     def assume(self, **values: Any) -> None:
-        """Fills in what follows from other keys where it is not stated, when a sheet is read."""
+        """Sets keys that are not stated, while a sheet is read."""
         self.__dict__.update(values)
 
 
-def _one_line(most: int) -> Callable[[str], str]:
+def _line_check(most: int) -> Callable[[str], str]:
     def check(text: str) -> str:
         if not text.strip() or not text.isprintable():
             raise PydanticCustomError("line", "must be one line of text")
@@ -90,13 +90,13 @@ def _one_line(most: int) -> Callable[[str], str]:
     return check
 
 
-Name = Annotated[str, AfterValidator(_one_line(LONGEST_NAME))]
-"""The name of a recipe, an experiment, a sample or a parameter, as messages repeat it."""
-FileName = Annotated[str, AfterValidator(_one_line(LONGEST_PATH))]
-"""A path, or what is bundled by its name."""
+Name = Annotated[str, AfterValidator(_line_check(LONGEST_NAME))]
+"""The name of a recipe, an experiment, a sample or a parameter; messages repeat it."""
+FileName = Annotated[str, AfterValidator(_line_check(LONGEST_PATH))]
+"""A path, or the name of a bundled sheet."""
 
 
-OF_ANOTHER_FILE = {
+OTHER_SHEETS = {
     "sample": "an experiment, not a recipe; give it to mrjax-calibrate",
     "particle": "a recipe, not an experiment; give it to mrjax simulate",
 }
@@ -105,7 +105,7 @@ SheetType = TypeVar("SheetType", bound=Sheet)
 
 
 def bundled(package: str) -> dict[str, Path]:
-    """The TOML files of a package by their names."""
+    """Returns the TOML files of a package, by name."""
     return {
         Path(entry.name).stem: Path(str(entry))
         for entry in resources.files(package).iterdir()
@@ -114,28 +114,33 @@ def bundled(package: str) -> dict[str, Path]:
 
 
 def read(source: str | Path, package: str, kind: str) -> tuple[dict[str, Any], Path]:
-    """A TOML file by path, or one that is bundled in `package` by its name.
+    """Reads a TOML file by path, or a bundled one of `package` by name.
+
+    Args:
+      source: path or name.
+      package: package with bundled sheets.
+      kind: word for such a sheet in messages.
 
     Returns:
-      the tables, and the path they were read from.
+      The tables, and the path of the file.
 
     Raises:
-      InputError: no such file, a directory, no permission, or not TOML.
+      InputError: there is no such file, or it cannot be read, or it is not TOML.
     """
     if not isinstance(source, str | os.PathLike):
         raise InputError(f"{source!r}: is no file name; give a {kind}'s name or a path")
     name = str(source)
     if not name.isprintable():
         raise InputError(f"{shown(name)}: is no file name; give a {kind}'s name or a path")
-    known = bundled(package)
-    path = known.get(name, Path(source))
-    names = ", ".join(sorted(known))
+    bundled_sheets = bundled(package)
+    path = bundled_sheets.get(name, Path(source))
+    names = ", ".join(sorted(bundled_sheets))
     if not name:
         raise InputError(f"'': is no file name; give a TOML file or one of {names}")
     try:
         content = reading.text(path, MOST_BYTES)
     except FileNotFoundError:
-        hint = did_you_mean(name.lower(), known)
+        hint = did_you_mean(name.lower(), bundled_sheets)
         raise InputError(
             f"{source}: no such file, and no bundled {kind}; {hint}give a TOML file or one of "
             f"{names}"
@@ -161,23 +166,23 @@ def _tables(content: str, source: str) -> dict[str, Any]:
     except InputError as error:
         raise InputError(f"{source}: {error}") from None
     except tomllib.TOMLDecodeError as error:
-        message = shortened(" ".join(str(error).split()), 2 * LONGEST)  # its end says where
+        message = shortened(" ".join(str(error).split()), 2 * LONGEST)  # its end has the line
         raise InputError(f"{source}: is not TOML: {message}; mend that line") from None
     except ValueError as error:  # an integer of thousands of digits
         raise InputError(f"{source}: cannot be read ({error}); check the path") from None
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """A question with the known name that is most like one; nothing where none is."""
-    close = difflib.get_close_matches(name, list(known), n=1) if len(name) <= LONGEST else []
+def did_you_mean(name: str, candidates: Iterable[str]) -> str:
+    """Returns the question "did you mean ...?" with the closest candidate, or an empty text."""
+    close = difflib.get_close_matches(name, list(candidates), n=1) if len(name) <= LONGEST else []
     return f"did you mean {close[0]}? " if close else ""
 
 
 def validated(model: type[SheetType], table: dict[str, Any], source: str) -> SheetType:
-    """The table as a checked `model`.
+    """Validates a table as a `model`.
 
     Raises:
-      InputError: the first fault: its key, the value, what is wrong and what to give.
+      InputError: there is a fault; the message has the key, its value, the fault and the remedy.
     """
     try:
         return model.model_validate(table)
@@ -186,9 +191,9 @@ def validated(model: type[SheetType], table: dict[str, Any], source: str) -> She
 
 
 def first_fault(model: type[Sheet], error: ValidationError) -> str:
-    """The first fault in one line: the key, its value, what is wrong and what to give."""
+    """Returns the first fault in one line: the key, its value, the fault and the remedy."""
     faults = error.errors(include_url=False)
-    # A misspelt key is also a missing one: name the spelling.
+    # A misspelt key is reported as missing, too: unknown keys come first.
     fault = min(faults, key=lambda fault: fault["type"] != "extra_forbidden")
     path, kind = list(fault["loc"]), fault["type"]
     if kind != "extra_forbidden":
@@ -200,10 +205,10 @@ def first_fault(model: type[Sheet], error: ValidationError) -> str:
         case "missing":
             return f"{key} is missing; give {description}"
         case "extra_forbidden":
-            known = _known_keys(model, path[:-1])
-            hint = did_you_mean(str(path[-1]), known) or f"known here: {', '.join(known)}"
-            if len(path) == 1 and path[0] in OF_ANOTHER_FILE:
-                return f"{key}: this is {OF_ANOTHER_FILE[path[0]]}"
+            valid = _valid_keys(model, path[:-1])
+            hint = did_you_mean(str(path[-1]), valid) or f"known here: {', '.join(valid)}"
+            if len(path) == 1 and path[0] in OTHER_SHEETS:
+                return f"{key}: this is {OTHER_SHEETS[path[0]]}"
             return f"{key} = {shown(fault['input'])}: unknown key; {hint.rstrip()}"
         case "value_error":
             message = str(fault["ctx"]["error"])
@@ -254,6 +259,6 @@ def _field(model: type[BaseModel], path: list) -> FieldInfo | None:
     return owner.model_fields.get(names[-1]) if owner else None
 
 
-def _known_keys(model: type[BaseModel], path: list) -> list[str]:
+def _valid_keys(model: type[BaseModel], path: list) -> list[str]:
     owner = _model_at(model, path)
     return list(owner.model_fields) if owner else []

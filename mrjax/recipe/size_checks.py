@@ -6,44 +6,44 @@ from typing import Any
 from mrjax.core.errors import InputError, shown
 
 LEAST_DIAMETER = 1e-10
-"""Diameter of an atom, m: what is smaller was given in another unit."""
+"""Diameter of an atom, m; a smaller number was given in another unit."""
 
 
 def refuse_tiny(key: str, diameter: float) -> None:
-    """Passes a diameter in m that a particle may have.
+    """Refuses a diameter that is smaller than an atom; m.
 
     Raises:
-      InputError: it is smaller than an atom.
+      InputError: it is smaller.
     """
     if diameter < LEAST_DIAMETER:
         raise InputError(f"{key} = {diameter:g}: smaller than an atom; give m: 4 um is 4e-6")
 
 
 def is_positive(value: Any) -> bool:
-    """True if a value is a number above zero that can be computed with."""
+    """True if a value is a positive number within the bounds of all numbers of a sheet."""
     number = isinstance(value, Real) and not isinstance(value, bool)
-    return number and 1e-30 <= value <= 1e30  # what follows from others is not finite
+    return number and 1e-30 <= value <= 1e30  # others overflow or underflow
 
 
-def positive_list(name: str, values: Any, what: str) -> tuple[float, ...]:
-    """Positive numbers of a list.
+def positive_list(name: str, values: Any, quantity: str) -> tuple[float, ...]:
+    """Checks a list of positive numbers and returns it as a tuple.
 
     Raises:
-      InputError: it is no list, is empty, or something in it is no positive number.
+      InputError: the value is no list, is empty, or has an entry that is no positive number.
     """
     if not isinstance(values, list | tuple) or not values or not all(map(is_positive, values)):
-        given = list(values) if isinstance(values, tuple) else values
+        entries = list(values) if isinstance(values, tuple) else values
         raise InputError(
-            f"{name} = {shown(given)}: must be a list of {what}, all above zero, at most 1e30"
+            f"{name} = {shown(entries)}: must be a list of {quantity}, all above zero, at most 1e30"
         )
     return tuple(float(value) for value in values)
 
 
 def refuse_basis(by: Any) -> None:
-    """Passes what fractions may be of.
+    """Refuses a basis of a distribution other than "number" and "volume".
 
     Raises:
-      InputError: it is neither number nor volume.
+      InputError: the value is neither.
     """
     if by not in ("number", "volume"):
         raise InputError(f'by = {shown(by)}: must be "number" or "volume"')

@@ -1,7 +1,7 @@
 """Size distributions of particles: a list of classes, log-normal, or three percentiles.
 
-A suspension of N particles takes its diameters at the quantiles (i + 1/2)/N of the distribution by
-number: the same ones whatever the seed, and no stray giant.
+The N particles of a suspension have the diameters at the quantiles (i + 1/2)/N of the distribution
+by number. They do not depend on the seed, and there are no outliers.
 """
 
 import math
@@ -15,20 +15,20 @@ from mrjax.recipe.percentiles import Percentiles
 from mrjax.recipe.size_checks import is_positive, positive_list, refuse_basis, refuse_tiny
 
 WIDEST = 3.0
-"""Largest geometric standard deviation: beyond, a few particles hold all the volume."""
+"""Largest geometric standard deviation; beyond it, a few particles have all the volume."""
 
 
 @dataclass(frozen=True)
 class Classes:
-    """Diameters and how much of each there is.
+    """A size distribution of discrete diameters.
 
     Args:
       values: diameters, m.
-      fractions: of each; left out, equal. They are made to sum to 1.
-      by: "number" or "volume", which the fractions are of.
+      fractions: fraction of each diameter, equal by default; normalised to the sum 1.
+      by: basis of the fractions, "number" or "volume".
 
     Raises:
-      InputError: values or fractions that cannot be used.
+      InputError: `values` or `fractions` cannot be used.
     """
 
     values: tuple[float, ...]
@@ -55,15 +55,15 @@ class Classes:
 
     @property
     def settling_diameter(self) -> float:
-        """Root of the mean of d^2 by volume, m: its Stokes velocity is the mean by mass."""
+        """Root mean square diameter by volume, m; its Stokes velocity is the mean by mass."""
         return math.sqrt(self._mean_power(5) / self._mean_power(3))
 
     def sample(self, particles: int) -> np.ndarray:
-        """Diameters of that many particles, (N,) in m, ascending."""
+        """Returns the diameters of N particles at the quantiles, (N,) in m, ascending."""
         order = np.argsort(self.values)
-        upto = np.cumsum(self._number_fractions()[order])
+        cumulative = np.cumsum(self._number_fractions()[order])
         quantiles = (np.arange(particles) + 0.5) / particles
-        row = np.minimum(np.searchsorted(upto, quantiles), len(order) - 1)
+        row = np.minimum(np.searchsorted(cumulative, quantiles), len(order) - 1)
         return np.array(self.values)[order][row]
 
     def _mean_power(self, power: int) -> float:
@@ -71,9 +71,9 @@ class Classes:
 
     def _number_fractions(self) -> np.ndarray:
         values = np.array(self.values)
-        shares = np.ones(len(values)) if self.fractions is None else np.array(self.fractions)
-        shares = shares / values**3 if self.by == "volume" else shares
-        return shares / shares.sum()
+        weights = np.ones(len(values)) if self.fractions is None else np.array(self.fractions)
+        weights = weights / values**3 if self.by == "volume" else weights
+        return weights / weights.sum()
 
 
 @dataclass(frozen=True)
@@ -81,13 +81,13 @@ class LogNormal:
     """A log-normal distribution of diameters.
 
     Args:
-      median: m; half of the particles, or half of their volume, is smaller.
-      geometric_standard_deviation: above 1; 68 % lie within this factor of the median.
-      by: "number" or "volume", which the median is of. One is turned into the other by
-        Hatch and Choate (1929): ln d_number = ln d_volume - 3 ln^2 s.
+      median: median diameter, m; half of the particles, or of their volume, is smaller.
+      geometric_standard_deviation: s, above 1; 68 % lie within this factor of the median.
+      by: basis of the median, "number" or "volume". They are converted by Hatch and Choate (1929):
+        ln d_number = ln d_volume - 3 ln^2 s.
 
     Raises:
-      InputError: a value out of range.
+      InputError: a value is out of range.
     """
 
     median: float
@@ -110,7 +110,7 @@ class LogNormal:
 
     @property
     def number_median(self) -> float:
-        """Diameter that half of the particles fall below, m."""
+        """Median diameter by number, m."""
         shift = 3.0 * self._log_spread**2 if self.by == "volume" else 0.0
         return self.median * math.exp(-shift)
 
@@ -121,12 +121,12 @@ class LogNormal:
 
     @property
     def settling_diameter(self) -> float:
-        """Root of the mean of d^2 by volume, m: its Stokes velocity is the mean by mass."""
+        """Root mean square diameter by volume, m; its Stokes velocity is the mean by mass."""
         return self.number_median * math.exp(4.0 * self._log_spread**2)
 
     def sample(self, particles: int) -> np.ndarray:
-        """Diameters of that many particles, (N,) in m, ascending."""
-        from scipy.special import ndtri  # a fifth of a second, for this alone
+        """Returns the diameters of N particles at the quantiles, (N,) in m, ascending."""
+        from scipy.special import ndtri  # its import takes a fifth of a second
 
         quantiles = (np.arange(particles) + 0.5) / particles
         return self.number_median * np.exp(self._log_spread * ndtri(quantiles))
@@ -140,10 +140,10 @@ Sizes = Classes | LogNormal | Percentiles
 
 
 def parse(diameter: Any) -> Sizes:
-    """Parses the `diameter` of a lab sheet: a list, or a table of a distribution.
+    """Parses the `diameter` of a lab sheet: a list of diameters, or a table of a distribution.
 
     Raises:
-      InputError: what it gives is none of these.
+      InputError: the value is neither, or the table has a fault.
     """
     if isinstance(diameter, Sizes):
         return diameter
@@ -155,11 +155,11 @@ def parse(diameter: Any) -> Sizes:
             "diameter as a number, or a table"
         )
     kind = _kind(diameter)
-    known = [field.name for field in fields(kind)]
+    valid = [field.name for field in fields(kind)]
     for key in diameter:
-        if key not in known:
+        if key not in valid:
             raise InputError(
-                f"{shown_key(key)} = {shown(diameter[key])}: unknown key; known: {', '.join(known)}"
+                f"{shown_key(key)} = {shown(diameter[key])}: unknown key; known: {', '.join(valid)}"
             )
     for field in fields(kind):
         if field.default is MISSING and field.name not in diameter:
@@ -171,7 +171,7 @@ def parse(diameter: Any) -> Sizes:
 
 
 def _kind(table: dict) -> type[Classes] | type[LogNormal] | type[Percentiles]:
-    """The distribution that a table describes."""
+    """Returns the class of distribution that a table describes."""
     if "median" in table:
         return LogNormal
     return Percentiles if {"d10", "d50", "d90"} & set(table) else Classes

@@ -18,13 +18,13 @@ from mrjax.recipe.sheets import UNSTATED, Name, Sheet
 from mrjax.recipe.tables import Coating, Contact, Drag, Fluid, Particle, Wall
 
 MOST_PARTICLES = 10**7
-"""More than a machine can hold: a box in micrometres, taken for metres."""
+"""Largest number of particles; a larger one means that a box in micrometres was given in metres."""
 CHOSEN_PARTICLES = 300
-"""Particles that a box holds where none is stated; those of the bundled sheets hold as many."""
+"""Number of particles of a chosen box, about that of the bundled sheets."""
 
 
 class Suspension(Sheet):
-    """A suspension in a box: its tables, and what follows from them."""
+    """A suspension in a box: the tables of its sheet, and derived quantities."""
 
     name: Name = Field(description="a name for the recipe")
     particle: Particle = Field(description="a table [particle]")
@@ -44,7 +44,7 @@ class Suspension(Sheet):
 
     @property
     def phases(self) -> Phases:
-        """Densities of particles, fluid and coating, and how thick the coating is."""
+        """Densities of particles, fluid and coating, and the relative volume of the coating."""
         return Phases(
             self.particle.density,
             self.fluid.density,
@@ -54,7 +54,7 @@ class Suspension(Sheet):
 
     @property
     def volume_fraction(self) -> float:
-        """Phi of the uncoated particles, from the composition; 1."""
+        """Volume fraction of the uncoated particles, from the composition; 1."""
         return self.composition.fraction(self.phases)
 
     @property
@@ -64,27 +64,27 @@ class Suspension(Sheet):
 
     @property
     def coated_volume_fraction(self) -> float:
-        """Phi f_r^3 of the coated particles, which the closures of f_w read; 1."""
+        """Volume fraction of the coated particles, phi f_r^3, which the closures of f_w take; 1."""
         return self.volume_fraction * self.radius_factor**3
 
     @property
     def particle_count(self) -> int:
-        """N in the box, to the nearest whole number."""
+        """Number N of particles in the box, to the nearest whole number."""
         volume = self.volume_fraction * self.box.volume * 6.0 / math.pi
         diameter = self.particle.diameter
         if isinstance(diameter, float):
             return round(volume / diameter**3)
         count = round(volume / diameter.mean_cube)
-        # The largest of few particles are smaller than those of many.
+        # The mean of N quantiles depends on N: iterate.
         for _ in range(3 if 0 < count <= MOST_PARTICLES else 0):
             count = max(1, round(volume / np.mean(diameter.sample(count) ** 3)))
         return count
 
     @property
     def diameters(self) -> np.ndarray:
-        """Diameters of the uncoated particles in the box, (N,) in m; ascending.
+        """Diameters of the uncoated particles in the box, (N,) in m, ascending.
 
-        Where the box holds none, or more than can be run, those of as many as a chosen box holds.
+        If the box holds none, or too many to simulate, N is `CHOSEN_PARTICLES`.
         """
         diameter, count = self.particle.diameter, self.particle_count
         count = count if 1 <= count <= MOST_PARTICLES else CHOSEN_PARTICLES
@@ -99,7 +99,7 @@ class Suspension(Sheet):
 
     @property
     def apparent_density(self) -> float:
-        """(rho_p + rho_c (f_r^3 - 1)) / f_r^3 of the coated particle (Eqs. 20 and 27); kg/m^3."""
+        """Density of the coated particle, (rho_p + rho_c (f_r^3 - 1)) / f_r^3; kg/m^3."""
         coating_density = self.coating.density if self.coating else 0.0
         mass_over_core_volume = particle.mass_over_core_volume(
             self.particle.density, coating_density, self.radius_factor
@@ -108,25 +108,26 @@ class Suspension(Sheet):
 
     @property
     def f_w(self) -> float:
-        """The wall and crowding factor that the sheet asks for (Eqs. 14 and 15)."""
+        """Wall and crowding factor of the drag (Eqs. 14 and 15); 1."""
         if isinstance(self.drag.f_w, float):
             return self.drag.f_w
-        with jax.ensure_compile_time_eval():  # a sheet holds numbers, also where jit is tracing
+        with jax.ensure_compile_time_eval():  # a number, even within jit
             return float(evaluate_with_numpy(_closure(self.drag.f_w), self.coated_volume_fraction))
 
     @property
     def hindrance(self) -> Hindrance | None:
-        """f_w for the volume fraction of each particle's height, for `mrjax.simulate`.
+        """f_w as a function of the local volume fraction, for `mrjax.simulate`.
 
-        None unless the sheet asks for it with `local = true`.
+        It is None unless the sheet has `local = true`.
         """
         return self.closure if self.drag.local else None
 
     @property
     def closure(self) -> Partial | None:
-        """f_w for volume fractions, with the coefficients of the sheet; None where f_w is a number.
+        """f_w as a function of the volume fraction, with the coefficients of the sheet.
 
-        A `jax.tree_util.Partial` of one of `mrjax.laws.drag.CLOSURES`.
+        It is a `jax.tree_util.Partial` of one of `mrjax.laws.drag.CLOSURES`, and None if the f_w of
+        the sheet is a number.
         """
         if isinstance(self.drag.f_w, float):
             return None
@@ -134,7 +135,7 @@ class Suspension(Sheet):
 
     @property
     def f_s(self) -> float:
-        """The shape factor that the sheet asks for (Eqs. 16 and 17)."""
+        """Shape factor of the drag (Eqs. 16 and 17); 1."""
         if isinstance(self.drag.f_s, float):
             return self.drag.f_s
         with jax.ensure_compile_time_eval():
@@ -142,7 +143,7 @@ class Suspension(Sheet):
 
 
 def _closure(f_w: str | dict[str, float | str]) -> Partial:
-    """A closure with the coefficients of a sheet."""
+    """Returns a closure with the coefficients of a sheet."""
     coefficients = {} if isinstance(f_w, str) else dict(f_w)
     name = f_w if isinstance(f_w, str) else coefficients.pop("closure")
     return Partial(drag.CLOSURES[str(name)], **coefficients)

@@ -1,4 +1,4 @@
-"""The tables of a lab sheet, each with its keys, bounds and remedies."""
+"""The tables of a lab sheet, with their keys, bounds and remedies."""
 
 import inspect
 import math
@@ -18,15 +18,15 @@ from mrjax.recipe.sizes import Sizes
 LEAST_FACTOR, LARGEST_FACTOR = 1e-6, 1e9
 """Bounds of a drag factor."""
 MODULI = ("elastic_modulus", "poisson_ratio")
-"""Keys of a solid that only its contacts use."""
+"""Keys of a solid that only contacts use."""
 
 
-def _above_zero(key: str, value: object, what: str = "a number") -> float:
-    """The value as a number above zero, or an error that tells what to give."""
+def _above_zero(key: str, value: object, remedy: str = "a number") -> float:
+    """Checks a number above zero and returns it as a float."""
     if not isinstance(value, int | float) or isinstance(value, bool) or not 0 < value < math.inf:
-        raise ValueError(f"{key} = {shown(value)}: must be {what} above zero, finite")
+        raise ValueError(f"{key} = {shown(value)}: must be {remedy} above zero, finite")
     if not sheets.SMALLEST <= value <= sheets.LARGEST:
-        raise ValueError(f"{key} = {shown(value)}: must be {what} between 1e-30 and 1e30")
+        raise ValueError(f"{key} = {shown(value)}: must be {remedy} between 1e-30 and 1e30")
     return float(value)
 
 
@@ -56,12 +56,12 @@ class Solid(Sheet):
     )
 
     def changed(self, changes: dict[str, Any]) -> dict[str, Any]:
-        """The stated keys with some changed; another material has moduli of its own."""
-        kept = {key: value for key, value in self.stated.items() if key not in MODULI}
-        return (kept if "material" in changes else self.stated) | changes
+        """Returns the stated keys with some changed; another material replaces stated moduli."""
+        others = {key: value for key, value in self.stated.items() if key not in MODULI}
+        return (others if "material" in changes else self.stated) | changes
 
     @model_validator(mode="after")
-    def _moduli_of_its_material(self) -> Self:
+    def _assume_moduli(self) -> Self:
         if self.material is not None:
             moduli = MATERIALS[self.material]
             for key in MODULI:
@@ -79,9 +79,9 @@ class Particle(Solid):
 
 
 class Fluid(Sheet):
-    """The carrier fluid without additives: its density and viscosity, or a liquid that has them.
+    """The carrier fluid without additives: its density and viscosity, or the name of a liquid.
 
-    What is stated counts; the liquid gives the rest, at the temperature of the sheet.
+    Properties that are not stated are those of the liquid at the temperature of the sheet.
     """
 
     density: float = Field(
@@ -93,15 +93,15 @@ class Fluid(Sheet):
     liquid: Literal["water"] | None = Field(default=None, description='"water"')
 
     def changed(self, changes: dict[str, Any]) -> dict[str, Any]:
-        """The stated keys with some changed; another liquid has properties of its own."""
+        """Returns the stated keys with some changed; another liquid replaces stated properties."""
         return changes if "liquid" in changes else self.stated | changes
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
         for key in ("density", "viscosity") if self.liquid is None else ():
             if getattr(self, key) is None:
-                what = type(self).model_fields[key].description
-                raise ValueError(f'fluid.{key} is missing; give {what}, or liquid = "water"')
+                remedy = type(self).model_fields[key].description
+                raise ValueError(f'fluid.{key} is missing; give {remedy}, or liquid = "water"')
         return self
 
 
@@ -114,7 +114,7 @@ class Coating(Solid):
 
 
 class Wall(Sheet):
-    """The walls; what is left out is as for the surfaces of the particles."""
+    """The walls; missing keys are taken from the surfaces of the particles."""
 
     elastic_modulus: float | None = Field(
         default=None, gt=0, le=1e15, description="the elastic modulus in Pa, above zero"
@@ -145,7 +145,7 @@ class Drag(Sheet):
     )
     local: bool = Field(
         default=False,
-        description="true or false: whether f_w follows the local volume fraction",
+        description="true or false: true if f_w follows the local volume fraction",
     )
     f_s: float | list[float] = Field(
         default=1.0, description="a number above zero, or [d_max, d_med, d_min] in m"
@@ -182,11 +182,11 @@ class Drag(Sheet):
             raise ValueError(
                 f"drag.f_w = {shown(f_w)}: no such closure; {hint}give a number or one of {names}"
             )
-        known = list(inspect.signature(closure).parameters)[1:]
-        for key in [key for key in sheet if key not in ("closure", *known)]:
+        valid = list(inspect.signature(closure).parameters)[1:]
+        for key in [key for key in sheet if key not in ("closure", *valid)]:
             raise ValueError(
                 f"drag.f_w.{shown_key(key)} = {shown(sheet[key])}: {sheet['closure']} has no such "
-                f"coefficient; known: {', '.join(known) or 'none'}"
+                f"coefficient; known: {', '.join(valid) or 'none'}"
             )
         if isinstance(f_w, str):
             return f_w
@@ -235,7 +235,7 @@ class Contact(Sheet):
 
 
 def box(table: Any) -> Box:
-    """The box of a table with size and periodic."""
+    """Returns the box of a table with the keys size and periodic."""
     if isinstance(table, Box):
         return table
     if not isinstance(table, dict):

@@ -1,7 +1,7 @@
-"""Limits on the text of a lab sheet, applied before a TOML reader spends time on it.
+"""Limits on the text of a lab sheet, checked before the TOML parser reads it.
 
-A reader's time grows as the square of the parts of a key, and with every level of nesting. Here one
-look at each word is enough.
+The time of a parser grows as the square of the number of parts of a key, and with every level of
+nesting. These checks take linear time.
 """
 
 import re
@@ -9,14 +9,14 @@ import re
 from mrjax.core.errors import InputError
 
 MOST_PARTS = 16
-"""Most parts of a key, such as the three of `a.b.c`; a sheet has keys of two."""
+"""Largest number of parts of a key, such as the three of `a.b.c`; keys of a sheet have two."""
 MOST_DEEP = 16
-"""Tables and lists in each other; a sheet has four."""
+"""Deepest nesting of tables and lists; a sheet has four levels."""
 MOST_KEYS = 20_000
-"""Keys, tables and lists; a sheet of a hundred samples has two thousand."""
+"""Largest number of keys, tables and lists; a sheet with a hundred samples has two thousand."""
 
 _WORD = re.compile(
-    r'"""(?:\\.|[^\\])*?(?:"{3,5}|\Z)'  # what is never closed is one word to the end
+    r'"""(?:\\.|[^\\])*?(?:"{3,5}|\Z)'  # a string that is never closed is one word to the end
     r"|'''.*?(?:'{3,5}|\Z)"
     r'|(?P<key>"(?:\\.|[^"\\\n])*"?'
     r"|'[^'\n]*'?"
@@ -27,13 +27,13 @@ _WORD = re.compile(
 
 
 def refuse_excess(content: str) -> None:
-    """Passes a text that a TOML reader is done with in a moment.
+    """Refuses a text that would take a TOML parser long.
 
     Raises:
-      InputError: keys of many parts, deep nesting, or very many keys: the line and the remedy.
+      InputError: a key has too many parts, tables are nested too deep, or there are too many keys.
     """
     parts = depth = keys = 0
-    joined = False  # whether the last word was a dot, which joins what follows to the key before
+    joined = False  # True after a dot, which joins the next word to the key
     for word in _WORD.finditer(content):
         mark = word["mark"]
         if word["key"] is not None:
@@ -54,5 +54,5 @@ def _excess(parts: int, depth: int) -> str:
     if parts > MOST_PARTS:
         return f"a key has more than {MOST_PARTS} parts; write keys such as [box] size"
     if depth > MOST_DEEP:
-        return "has tables in tables without end; write them flat"
-    return f"has more than {MOST_KEYS} keys, tables and lists; a sheet needs few"
+        return f"tables are nested more than {MOST_DEEP} deep; write them flat"
+    return f"there are more than {MOST_KEYS} keys, tables and lists; a sheet needs few"

@@ -136,8 +136,8 @@ EXCESS = {
     "after a string": ("a = {b = '''x'''''" + ", " + ".".join("c" * 20_000) + " = 1}", "16 parts"),
     "after text": ('a = {b = """x"""""' + ", " + ".".join("c" * 20_000) + " = 1}", "16 parts"),
     "a header": ("[" + ".".join("a" * 20_000) + "]", "line 1: a key has more than 16 parts"),
-    "lists": (SMALL + "q = " + "[" * 50_000 + "]" * 50_000, "tables in tables without end"),
-    "tables": (SMALL + "q = " + "{a = " * 10_000 + "1" + "}" * 10_000, "tables in tables"),
+    "lists": (SMALL + "q = " + "[" * 50_000 + "]" * 50_000, "tables are nested more than 16 deep"),
+    "tables": (SMALL + "q = " + "{a = " * 10_000 + "1" + "}" * 10_000, "tables are nested"),
     "keys": ("".join(f"k{i} = 1\n" for i in range(70_000)), "more than 20000 keys"),
     "headers": ("[[sample]]\n" * 90_000, "more than 20000 keys, tables and lists"),
 }  # fmt: skip

@@ -690,7 +690,7 @@ def test_what_is_replaced_is_checked_and_the_rest_stays(case3):
         ('"son2018"', '{closure = "richardson-zaki", exponent = 1e3}', "drag.f_w = {'closure': "),
         ("f_s = 1.10", "f_s = [1e30, 1e30, 1e-30]", "drag.f_s = [1e+30, 1e+30, 1e-30]: a factor"),
         ("viscosity = 0.01", "viscosity = " + "9" * 5000, ": cannot be read (Exceeds the limit"),
-        ("viscosity = 0.01", "viscosity = " + "[" * 5000, ": has tables in tables without end"),
+        ("viscosity = 0.01", "viscosity = " + "[" * 5000, ": tables are nested more than 16 deep"),
     ],
 )
 def test_numbers_of_no_suspension_are_refused(old, new, says, load):
