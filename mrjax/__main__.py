@@ -1,4 +1,4 @@
-"""`mrjax`: simulates a recipe, recomputes the paper."""
+"""The command `mrjax`, which simulates a recipe or recomputes the paper."""
 
 import click
 
@@ -20,7 +20,7 @@ for command in (simulate, new, check, reproduce):
 
 
 def main() -> None:
-    """Entry point of the command line."""
+    """Runs the command line."""
     exit_status.run(cli, "mrjax")
 
 

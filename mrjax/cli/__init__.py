@@ -1,1 +1,1 @@
-"""The command line: one file a sub-command, and what both command lines share."""
+"""The command line: one file for each sub-command, and the parts shared with `mrjax-calibrate`."""

@@ -1,4 +1,4 @@
-"""`mrjax check`: all that follows from a recipe, without running it."""
+"""`mrjax check`: the quantities derived from a recipe, without a simulation."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -15,11 +15,11 @@ if TYPE_CHECKING:
 
 @click.command(
     epilog=EXIT_STATUS,
-    help="""Shows all that follows from a RECIPE, bundled or a TOML file, without running it.
+    help="""Shows quantities derived from a RECIPE, bundled or a TOML file, without a simulation.
 
-    Volume fractions, number of particles, densities, drag factors, the settling velocity, time
-    scales, the step and cost of a run to rest; warns where an assumption of the model does not
-    hold. Notes tell what was assumed, and what is left out because the recipe lacks it.
+    These are volume fractions, number of particles, densities, drag factors, settling velocity,
+    time scales, and step and cost of a run to rest. Warnings name assumptions of the model that do
+    not hold. Notes name assumed values, and quantities that the recipe does not determine.
 
     \b
     Examples:
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 @options.quiet_option
 @options.json_option
 def check(recipe: str, quiet: bool, as_json: bool) -> None:
-    """Prints what follows from a recipe."""
+    """Prints the derived quantities, notes and warnings of a recipe."""
     environment.start_jax("float64")
     import mrjax
     from mrjax.io import files

@@ -1,4 +1,4 @@
-"""Completion of the names of sheets in a shell."""
+"""Shell completion of the names of sheets."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -8,20 +8,20 @@ from click.shell_completion import CompletionItem
 
 
 def sheet_names(package: str) -> Callable[..., list[CompletionItem]]:
-    """Completes what is bundled in a package or a TOML file here, and other paths where none is.
+    """Returns a completion function for sheets bundled in a package and TOML files.
 
-    Bash completes paths by itself only where it is given nothing else.
+    If no name matches, the shell completes other paths; Bash does so only without other answers.
     """
 
     def complete(
-        _context: click.Context, _parameter: click.Parameter, begun: str
+        _context: click.Context, _parameter: click.Parameter, prefix: str
     ) -> list[CompletionItem]:
         from mrjax.recipe import sheets
 
         names = [*sorted(sheets.bundled(package)), *sorted(map(str, Path().glob("*.toml")))]
-        # One that is no line of text would be another answer to the shell.
-        matching = [name for name in names if name.startswith(begun) and name.isprintable()]
+        # The shell reads one answer a line: a name with a line break would be two.
+        matching = [name for name in names if name.startswith(prefix) and name.isprintable()]
         items = [CompletionItem(name) for name in matching]
-        return items or [CompletionItem(begun, type="file")]
+        return items or [CompletionItem(prefix, type="file")]
 
     return complete

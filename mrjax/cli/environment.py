@@ -1,7 +1,7 @@
-"""JAX and matplotlib as the commands use them, whatever the environment says.
+"""Settings of JAX and matplotlib for the commands, independent of environment variables.
 
-A variable that makes JAX fail is refused in one line: some raise while JAX is imported, some at its
-first computation, and `XLA_FLAGS` end the process.
+A variable that makes JAX fail is refused in one line. Some raise when JAX is imported, some at the
+first computation, and invalid `XLA_FLAGS` end the process.
 """
 
 import logging
@@ -23,21 +23,21 @@ SETTINGS = {
     "jax_check_tracer_leaks": False,
     "jax_transfer_guard": "allow",
 }
-"""JAX's defaults: of what changes numbers, or ends what is no fault of a run."""
+"""JAX's defaults for settings that change numbers or stop a run without a fault."""
 PARSES_FLAGS = "from jaxlib import _jax; _jax.CompileOptions()"
 
 
 def start_jax(dtype: str, devices: bool = True) -> None:
-    """Makes `dtype` JAX's default for the rest of the process, and keeps what it compiles.
+    """Imports JAX with `dtype` as its default, and turns on the cache of compiled programs.
 
-    Comes before all that imports JAX.
+    Call it before any module that imports JAX.
 
     Args:
       dtype: float64 or float32.
-      devices: whether to have JAX find its devices now.
+      devices: True to initialise JAX's devices now.
 
     Raises:
-      InputError: an environment variable that JAX cannot use.
+      InputError: JAX cannot use an environment variable.
     """
     _import_jax(dtype)
     if devices:
@@ -48,13 +48,13 @@ def start_jax(dtype: str, devices: bool = True) -> None:
 
 
 def _import_jax(dtype: str) -> None:
-    """Imports JAX with `SETTINGS`, and makes `dtype` its default for the rest of the process.
+    """Imports JAX with `SETTINGS` and with `dtype` as its default.
 
     Raises:
-      InputError: an environment variable that JAX cannot use.
+      InputError: JAX cannot use an environment variable.
     """
-    os.environ["MPLBACKEND"] = "agg"  # pictures are drawn into files alone
-    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # not where it keeps its fonts
+    os.environ["MPLBACKEND"] = "agg"  # figures are drawn into files only
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # no messages on its font cache
     _refuse_flags()
     try:
         import jax
@@ -65,39 +65,39 @@ def _import_jax(dtype: str) -> None:
 
 
 def find_devices() -> None:
-    """Has JAX find its devices.
+    """Initialises JAX's devices.
 
     Raises:
-      InputError: there are none, or the environment asks for others.
+      InputError: there is no device, or none of those that the environment selects.
     """
     import jax
 
     try:
         jax.devices()
-    except Exception as error:  # of any kind: an assertion where CUDA is asked for
-        asked = ", ".join(
+    except Exception as error:  # JAX raises various types, an AssertionError for CUDA
+        settings = ", ".join(
             f"{name} = {shown(os.environ[name])}"
             for name in ("JAX_PLATFORMS", "JAX_PLATFORM_NAME", "JAX_NUM_CPU_DEVICES", FLAGS)
             if os.environ.get(name)
         )
         raise InputError(
-            f"{asked or 'no device'}: JAX cannot compute with that here ({_reason(error)}); "
+            f"{settings or 'no device'}: JAX cannot compute with that here ({_reason(error)}); "
             "unset it, or set JAX_PLATFORMS=cpu"
         ) from None
 
 
 def _refuse_flags() -> None:
-    """Has another process read `XLA_FLAGS`, where there are any: XLA ends one that cannot.
+    """Lets another process parse `XLA_FLAGS`, because XLA ends a process with invalid flags.
 
     Raises:
-      InputError: it was ended.
+      InputError: XLA ended that process.
     """
     if not (flags := os.environ.get(FLAGS)):
         return
     command = [sys.executable, "-c", PARSES_FLAGS]
-    done = subprocess.run(command, capture_output=True, check=False, text=True, errors="replace")
-    if done.returncode:
-        match = re.search(r"^[EF]\d.*?\] (.*)", done.stderr, re.MULTILINE)
+    child = subprocess.run(command, capture_output=True, check=False, text=True, errors="replace")
+    if child.returncode:
+        match = re.search(r"^[EF]\d.*?\] (.*)", child.stderr, re.MULTILINE)
         reason = f" ({match[1].rstrip('.')})" if match else ""
         raise InputError(
             f"{FLAGS} = {shown(flags)}: XLA cannot read that{reason}; correct it, or unset it"
@@ -105,6 +105,6 @@ def _refuse_flags() -> None:
 
 
 def _reason(error: Exception) -> str:
-    """The first line of an error of JAX, without its advice."""
+    """Returns the first line of an error of JAX, without its advice."""
     lines = str(error).splitlines() or [type(error).__name__]
     return lines[0].partition(" (set JAX_PLATFORMS")[0].rstrip(".")

@@ -1,8 +1,8 @@
-"""Ctrl-C at a command line ends the process, even while Python cannot answer it.
+"""Ctrl-C at a command line ends the process, even while Python cannot handle the signal.
 
-JAX compiles outside Python, at times for half a minute, and a user's own model may run for longer.
-A thread sees the signal all the same, gives the command some time to end by itself, and then ends
-the process. The content of a checkpoint is whole at any moment.
+JAX compiles outside Python, sometimes for half a minute, and a user's own model may run for longer.
+A thread receives the signal, gives the command some time to end by itself, and then ends the
+process. Checkpoints are consistent at any time.
 """
 
 import os
@@ -17,10 +17,10 @@ GRACE = 1.5
 
 
 def watch(end: Callable[[], NoReturn]) -> None:
-    """Has the process ended some time after Ctrl-C, unless it has done so before.
+    """Starts a thread that ends the process some time after Ctrl-C, if it still runs.
 
     Args:
-      end: ends the process, from any thread.
+      end: function that ends the process, from any thread.
     """
     if threading.current_thread() is not threading.main_thread():
         return
@@ -28,10 +28,10 @@ def watch(end: Callable[[], NoReturn]) -> None:
     os.set_blocking(writing, False)
     signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
 
-    def waiting() -> None:
+    def wait() -> None:
         while signal.SIGINT not in os.read(reading, 1):
             pass
         time.sleep(GRACE)
         end()
 
-    threading.Thread(target=waiting, daemon=True).start()
+    threading.Thread(target=wait, daemon=True).start()

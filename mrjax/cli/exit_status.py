@@ -1,4 +1,4 @@
-"""Runs a command: one clear line for every failure, and an exit status that tells its kind."""
+"""Runs a command, with one line for each failure and an exit status for each kind of failure."""
 
 import os
 import sys
@@ -15,12 +15,12 @@ from mrjax.core.errors import InputError, SimulationError
 from mrjax.core.text import in_message
 
 UNTRUSTED, WRONG_INPUT, REFUSED, INTERRUPTED = 1, 2, 3, 130
-"""Exit statuses beside 0."""
+"""Exit statuses other than 0."""
 EXIT_STATUS = (
-    "Exit status: 0 done, 1 a result that is not to be trusted, 2 wrong input, 3 refused by the "
+    "Exit status: 0 done, 1 a result that must not be used, 2 wrong input, 3 refused by the "
     "operating system (go on with --resume), 130 interrupted."
 )
-"""The last lines of every help."""
+"""The last lines of every help text."""
 
 
 def _no_checkpoint() -> bool:
@@ -28,11 +28,11 @@ def _no_checkpoint() -> bool:
 
 
 resumable: Callable[[], bool] = _no_checkpoint
-"""Tells whether the command has kept something by now that `--resume` would go on with."""
+"""Function that returns True if the command has saved work with which `--resume` can go on."""
 
 
 def run(command: click.Command, name: str) -> None:
-    """Runs a command and exits, with one line for every failure; the statuses: `EXIT_STATUS`."""
+    """Runs a command and exits with a status of `EXIT_STATUS`; prints one line for a failure."""
     streams.guard()
     exit_at_once.watch(lambda: _exit_interrupted(name, resumable()))
     status, text = _outcome(command, name)
@@ -44,7 +44,7 @@ def run(command: click.Command, name: str) -> None:
 
 
 def _outcome(command: click.Command, name: str) -> tuple[int, str]:
-    """Runs a command; returns its exit status and the message for it, empty if there is none."""
+    """Runs a command; returns its exit status and the message of a failure, or an empty text."""
     try:
         status = command.main(prog_name=name, standalone_mode=False)
         sys.stdout.flush()
@@ -65,12 +65,12 @@ def _outcome(command: click.Command, name: str) -> tuple[int, str]:
 
 
 def _exit_interrupted(name: str, resumable: bool) -> NoReturn:
-    """Ends the process, from any thread; says whether --resume would go on."""
+    """Ends the process, from any thread; the message names --resume if it can go on."""
     advice = "; go on with --resume" if resumable else ""
     click.echo(err=True)
     echo(f"{name}: interrupted; no results were written{advice}", err=True)
     with suppress(OSError):
         sys.stdout.flush()
     sys.stderr.flush()
-    # After an interrupted compilation jaxlib 0.10.1 crashes while the interpreter shuts down.
+    # jaxlib 0.10.1 crashes at the end of the interpreter if a compilation was interrupted.
     os._exit(INTERRUPTED)

@@ -1,4 +1,4 @@
-"""`mrjax new`: a commented recipe to start from."""
+"""`mrjax new`: writes a commented recipe as a template."""
 
 from importlib import resources
 from pathlib import Path
@@ -12,7 +12,7 @@ from mrjax.cli.terminal import echo
 
 @click.command(
     epilog=EXIT_STATUS,
-    help="""Writes a commented recipe to FILE, to start from.
+    help="""Writes a commented recipe to FILE, as a template.
 
     \b
     Example:
@@ -21,7 +21,7 @@ from mrjax.cli.terminal import echo
 )
 @click.argument("file", type=click.Path(path_type=Path))
 def new(file: Path) -> None:
-    """Copies the template."""
+    """Writes a copy of the template."""
     text = resources.files("mrjax.recipe").joinpath("template.toml").read_text("utf-8")
     templates.write_new({file: text})
     echo(f"Change {file}, then: mrjax check {file}")

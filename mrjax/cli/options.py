@@ -1,4 +1,4 @@
-"""Options that several commands have."""
+"""Options shared by several commands."""
 
 import math
 import re
@@ -9,24 +9,24 @@ import click
 
 
 def out_option(default: str) -> Callable:
-    """`--out DIR`."""
+    """Returns the option `--out DIR`."""
     return click.option(
         "--out",
         type=str,
         default=default,
         show_default=True,
         metavar="DIR",
-        help="Folder for the results; made if need be.",
+        help="Folder for the results; made if it does not exist.",
     )
 
 
 class Finite(click.FloatRange):
-    """A number within bounds: click's own lets nan pass all of them."""
+    """A finite number within bounds; click's own type accepts nan with any bounds."""
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> float:
-        """The number, or a failure of click's."""
+        """Converts a value to a number, or fails as click does."""
         number = super().convert(value, param, ctx)
         if not math.isfinite(number):
             self.fail(f"{number} is not a finite number.", param, ctx)
@@ -38,7 +38,7 @@ seed_option = click.option(
     type=click.IntRange(0, 2**31 - 1),
     default=0,
     show_default=True,
-    help="Of the random start.",
+    help="Seed of the random start.",
 )
 
 pdf_option = click.option("--pdf", is_flag=True, help="Writes figures as PDF, too.")
@@ -51,36 +51,34 @@ dtype_option = click.option(
     help="Precision of the computation.",
 )
 
-quiet_option = click.option(
-    "--quiet", is_flag=True, help="Nothing on the terminal but warnings and errors."
-)
+quiet_option = click.option("--quiet", is_flag=True, help="Prints only warnings and errors.")
 
 json_option = click.option(
     "--json",
     "as_json",
     is_flag=True,
-    help="The result as JSON on standard output, and nothing else there.",
+    help="Prints the result as JSON on standard output, and nothing else there.",
 )
 
 resume_option = click.option(
     "--resume",
     is_flag=True,
-    help="Goes on where a run with the same --out and options was stopped, and ends with the same "
-    "bits. Where nothing was kept yet, begins.",
+    help="Continues a stopped run with the same --out and options, to bit-identical results. "
+    "Starts a new run if none was saved.",
 )
 
 distributed_option = click.option(
     "--distributed",
     callback=lambda _context, _option, text: _parsed_processes(text),
     metavar="HOST:PORT,COUNT,ID",
-    help="One of COUNT processes on one machine or several that divide the work: the same command "
-    "for all, but for the ID, 0 to COUNT - 1. HOST:PORT is where process 0, which alone writes "
-    "results, can be reached. `auto` asks the scheduler of a cluster (Slurm, Open MPI, ...).",
+    help="Divides the work among COUNT processes, on one machine or several. Run the same command "
+    "in each process, with its own ID from 0 to COUNT - 1. HOST:PORT is the address of process 0, "
+    "which alone writes results. `auto` asks the scheduler of a cluster (Slurm, Open MPI, ...).",
 )
 
 
 def _parsed_processes(text: str | None) -> tuple[str | None, int | None, int | None] | None:
-    """HOST:PORT, COUNT and ID; three times None for `auto`, and None without the option."""
+    """Returns HOST:PORT, COUNT and ID; three times None for `auto`, and None without the option."""
     if text is None:
         return None
     if text == "auto":

@@ -1,4 +1,4 @@
-"""Compiled programs, kept in the user's cache folder for the next start of a command line."""
+"""The cache of compiled programs in the user's cache folder, for later commands."""
 
 import tempfile
 import warnings
@@ -10,20 +10,21 @@ import platformdirs
 from mrjax.io.machine import machine
 
 MOST_BYTES = 2**28
-"""Size of a folder beyond which programs unused for longest are removed: some fifty commands."""
+"""Largest size of the cache, enough for some fifty commands; beyond it the longest unused programs
+are removed."""
 
 
 def keep() -> None:
-    """Has JAX keep what it compiles from here on, unless the environment forbids it.
+    """Turns on JAX's cache of compiled programs, unless the environment turns it off.
 
-    The environment may also name the folder. A folder that cannot be written to is no fault:
-    programs are then compiled at every start.
+    The environment may also name the folder. If the folder cannot be written to, programs are
+    compiled in every command.
     """
     if not jax.config.jax_enable_compilation_cache:  # type: ignore[attr-defined] # made at run time
         return
-    # A disk may be full, now or later.
+    # JAX would warn if the disk is full.
     warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache")
-    # Most programs are small, and many.
+    # Most programs compile fast, but there are many of them.
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     if jax.config.jax_compilation_cache_dir:  # type: ignore[attr-defined] # likewise
         return
@@ -40,10 +41,10 @@ def keep() -> None:
 
 
 def _remove_unfinished(folder: Path) -> None:
-    """Removes programs that an interrupted start left without their time of use, written last.
+    """Removes entries of the cache that an interrupted process left without a time of use.
 
-    Where one entry lacks it, JAX finds no room for further ones.
+    JAX writes the time of use last, and cannot make room for new entries if one lacks it.
     """
-    for entry in folder.glob(f"*-{'[0-9a-f]' * 64}-cache"):  # JAX's names, and no others
+    for entry in folder.glob(f"*-{'[0-9a-f]' * 64}-cache"):  # only names that JAX gives
         if not entry.with_name(entry.name.removesuffix("-cache") + "-atime").exists():
             entry.unlink(missing_ok=True)

@@ -9,7 +9,7 @@ if TYPE_CHECKING:
 
 
 def made_by(sheet: "Recipe", seed: int, dtype: str) -> dict[str, Any]:
-    """Provenance of a result; `Recipe.model_validate` takes its lab sheet."""
+    """Returns the provenance of a result; `Recipe.model_validate` reads its lab sheet."""
     return {
         "recipe": sheet.name,
         "lab_sheet": sheet.model_dump(mode="json", exclude_none=True),

@@ -1,4 +1,4 @@
-"""`mrjax reproduce`: every number and plot of Son (2018), recomputed."""
+"""`mrjax reproduce`: recomputes every number and plot of Son (2018)."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     epilog=EXIT_STATUS,
     help="""Recomputes every number and plot of Son (2018).
 
-    Writes reproduce.json and reproduce.md: the printed and computed numbers of Table 2 and the
-    text side by side, each reproduced, corrected or not reproducible, and why; and the paper's
-    figures 2 and 4 to 8 from these results. Takes a few minutes; with --resume less, where it was
-    stopped.
+    Writes reproduce.json and reproduce.md, with the printed and computed numbers of Table 2 and of
+    the text. Each number is reproduced, corrected or not reproducible, with the reason. Also writes
+    the paper's figures 2 and 4 to 8 from these results. Takes a few minutes; --resume continues a
+    stopped command.
 
     \b
     Example:
@@ -52,7 +52,7 @@ def reproduce(
     quiet: bool,
     as_json: bool,
 ) -> None:
-    """Runs the paper's three cases and writes the comparison."""
+    """Simulates the three cases of the paper and writes the comparison."""
     environment.start_jax(dtype)
     import mrjax
     from mrjax.cli.resume import checkpointed
@@ -91,7 +91,7 @@ def reproduce(
 
 
 def _markdown(rows: "list[Row]") -> str:
-    """The rows as a Markdown table."""
+    """Returns the rows as a Markdown table."""
     from mrjax.io import files
 
     return files.markdown_table(
@@ -127,13 +127,13 @@ def _write(
     from mrjax.io import files
     from mrjax.paper.row import as_tables
 
-    for drawn in tqdm(figures, desc="figures", disable=not progress, leave=False):
-        files.write_figure(folder, drawn.name, drawn.figure, made_by, pdf)
-    shown = "\n".join(
-        f"![Fig. {drawn.number}]({drawn.name}.png)\n\nFig. {drawn.number}. {drawn.caption}\n"
-        for drawn in figures
+    for figure in tqdm(figures, desc="figures", disable=not progress, leave=False):
+        files.write_figure(folder, figure.name, figure.figure, made_by, pdf)
+    captions = "\n".join(
+        f"![Fig. {figure.number}]({figure.name}.png)\n\nFig. {figure.number}. {figure.caption}\n"
+        for figure in figures
     )
     files.write_json(folder / "reproduce.json", as_tables(rows))
     files.write_text(
-        folder / "reproduce.md", f"# Son (2018), recomputed\n\n{table}\n## Figures\n\n{shown}"
+        folder / "reproduce.md", f"# Son (2018), recomputed\n\n{table}\n## Figures\n\n{captions}"
     )

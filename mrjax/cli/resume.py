@@ -1,4 +1,4 @@
-"""`--resume`: the folder of checkpoints among the results, and what a failure leaves there."""
+"""The option `--resume`: the checkpoint in the folder of the results, and the last good state."""
 
 import logging
 from collections.abc import Iterable, Iterator
@@ -21,54 +21,54 @@ LAST_GOOD = "last_good_state.npz"
 def checkpointed(
     folder: Path, resume: bool, quiet: bool, writes: Iterable[str] = (), **work: Any
 ) -> Iterator[Path]:
-    """Context with a folder for checkpoints among the results, until these are written.
+    """Context with a checkpoint folder among the results, which is removed once they are written.
 
-    A run that fails leaves its last good state among the results instead. Of the results' folder
-    nothing is overwritten or deleted that mrjax did not write.
+    If a run fails, its last good state is saved among the results. No file that mrjax did not write
+    is overwritten or deleted.
 
     Args:
-      folder: of the results.
-      resume: whether to go on with what is kept there.
-      quiet: whether to print nothing about it.
-      writes: names of results that are known beforehand.
-      work: all that decides the results, by name.
+      folder: folder of the results.
+      resume: True to continue the work saved in the checkpoint.
+      quiet: True to print nothing about it.
+      writes: names of result files that are known beforehand.
+      work: everything that the results depend on, by name.
 
     Raises:
-      InputError: it keeps an unfinished run and `resume` was not given, or other work; or something
-        of these names is not of mrjax.
-      SimulationError: what was raised inside, with the name of the file of the last good state.
-      SystemRefusal: the system refused something inside; what is kept stays, and it says so.
+      InputError: the checkpoint holds an unfinished run and `resume` is False, or it holds other
+        work; or mrjax did not write one of the files in `writes`.
+      SimulationError: a run failed; the message names the file of the last good state.
+      SystemRefusal: the system refused a file; the checkpoint stays, and the message says so.
     """
     path = folder / FOLDER
     with results.guarded(folder, writes) as own_files, _echoed_warnings():
         checkpoint.refuse_foreign(path)
         if not resume and checkpoint.holds_anything(path):
             raise InputError(
-                f"{path}: keeps an unfinished run; go on with --resume, or take it away, or give "
+                f"{path}: holds an unfinished run; go on with --resume, or take it away, or give "
                 "another --out, to begin anew"
             )
         Checkpoint.open(path, **work).claim()
-        with checkpoint.locked(path), _removed_when_done(path, own_files):
+        with checkpoint.locked(path), _removing_checkpoint(path, own_files):
             if checkpoint.holds_anything(path) and not quiet:
-                echo(f"Going on with what {path} keeps.", err=True)
+                echo(f"Going on with the checkpoint {path}.", err=True)
             own_files.discard(LAST_GOOD)
             exit_status.resumable = lambda: checkpoint.holds_anything(path)
             yield path
 
 
 @contextmanager
-def _removed_when_done(path: Path, own_files: results.Results) -> Iterator[None]:
-    """Takes a checkpoint away when its work ends or fails; keeps it when that is stopped."""
-    last_good = own_files.folder / LAST_GOOD
+def _removing_checkpoint(path: Path, own_files: results.Results) -> Iterator[None]:
+    """Context that removes a checkpoint if the work ends or fails, but not if it is stopped."""
+    last_state = own_files.folder / LAST_GOOD
     try:
         yield
     except SimulationError as error:
         _remove(path)
         if error.state is None or error.time is None:
             raise
-        state_file.save_state(last_good, error.state, error.time)
+        state_file.save_state(last_state, error.state, error.time)
         raise SimulationError(
-            f"{error}; the last good state, of {error.time:.6g} s, is in {last_good}"
+            f"{error}; the last good state, at {error.time:.6g} s, is in {last_state}"
         ) from None
     except OSError as error:
         line = refusals.in_one_line(error)
@@ -83,16 +83,16 @@ def _removed_when_done(path: Path, own_files: results.Results) -> Iterator[None]
 
 
 def _remove(path: Path) -> None:
-    """Takes the checkpoint away, and names what stays there because mrjax did not make it."""
-    if left := checkpoint.remove(path):
-        more = "" if len(left) <= checkpoint.MOST_NAMES else ", ..."
-        names = ", ".join(left[: checkpoint.MOST_NAMES]) + more
-        echo(f"mrjax: warning: {path}: left there what is not of mrjax: {names}", err=True)
+    """Removes the checkpoint; warns of files that stay because mrjax did not make them."""
+    if remaining := checkpoint.remove(path):
+        more = "" if len(remaining) <= checkpoint.MOST_NAMES else ", ..."
+        names = ", ".join(remaining[: checkpoint.MOST_NAMES]) + more
+        echo(f"mrjax: warning: {path}: kept files that mrjax did not make: {names}", err=True)
 
 
 @contextmanager
 def _echoed_warnings() -> Iterator[None]:
-    """Prints warnings of mrjax's log as lines on standard error."""
+    """Context that prints warnings of mrjax's log on standard error."""
     log, handler = logging.getLogger("mrjax"), _EchoHandler(logging.WARNING)
     log.addHandler(handler)
     try:
@@ -105,5 +105,5 @@ class _EchoHandler(logging.Handler):
     """Prints log records on standard error."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Prints one line."""
+        """Prints a log record as one line."""
         echo(f"mrjax: warning: {record.getMessage()}", err=True)

@@ -1,7 +1,7 @@
-"""Standard output and error that may be closed, full, or a pipe whose reader went away.
+"""Standard output and error that may be closed, full, or a pipe without a reader.
 
-A command ends where standard output cannot be written. Standard error has progress and warnings,
-for which no work is given up: they are dropped, and the exit status says so in the end.
+A command ends if standard output cannot be written to. Progress and warnings on standard error are
+dropped if they cannot be written; the command continues, and its exit status reports the loss.
 """
 
 import io
@@ -20,18 +20,18 @@ IN, OUT, ERR = 0, 1, 2
 
 
 class _Raw(io.RawIOBase):
-    """A file descriptor, to which nothing more is written once the system has refused it."""
+    """A file descriptor that drops all data after the system has refused a write."""
 
     def __init__(self, descriptor: int, name: str, *, forgiving: bool) -> None:
         self.descriptor, self.name, self.forgiving = descriptor, name, forgiving
         self.refused = False
 
     def write(self, data: "ReadableBuffer") -> int:
-        """Writes as much as the system takes; returns its length, or that of all where dropped."""
+        """Writes data; returns the number of bytes written or dropped."""
         while not self.refused:
             try:
                 return os.write(self.descriptor, data)
-            except BlockingIOError:  # another program has made a terminal so
+            except BlockingIOError:  # another program has made the terminal non-blocking
                 select.select([], [self.descriptor], [])
             except OSError as error:
                 self.refused = True
@@ -40,11 +40,11 @@ class _Raw(io.RawIOBase):
         return memoryview(data).nbytes
 
     def writable(self) -> bool:
-        """Always."""
+        """Returns True."""
         return True
 
     def fileno(self) -> int:
-        """The file descriptor."""
+        """Returns the file descriptor."""
         return self.descriptor
 
     def isatty(self) -> bool:
@@ -53,7 +53,7 @@ class _Raw(io.RawIOBase):
 
 
 def guard() -> None:
-    """Puts guarded streams in place of Python's own, which others may have replaced already."""
+    """Replaces Python's own standard streams by guarded ones; other replacements stay."""
     for descriptor in (IN, OUT, ERR):
         _occupy(descriptor)
     if sys.stdout is sys.__stdout__:
@@ -63,7 +63,7 @@ def guard() -> None:
 
 
 def lost_messages() -> bool:
-    """True if anything was dropped that standard error was to have."""
+    """True if a message for standard error was dropped."""
     raw = getattr(getattr(sys.stderr, "buffer", None), "raw", None)
     return isinstance(raw, _Raw) and raw.refused
 
@@ -78,14 +78,14 @@ def _guarded(own: TextIO | None, raw: _Raw) -> TextIO:
 
 
 def _occupy(descriptor: int) -> None:
-    """Opens a closed descriptor on the null device: else the next file would get it.
+    """Opens a closed descriptor on the null device.
 
-    Whatever a library logs would be written into that file.
+    Otherwise the next opened file would get the descriptor, and the log messages of libraries.
     """
     try:
         os.fstat(descriptor)
     except OSError:
-        # What is written to it is refused, as it would be to a closed one.
+        # Opened so that writing to it is refused, as for a closed descriptor.
         opened = os.open(os.devnull, os.O_WRONLY if descriptor == IN else os.O_RDONLY)
         if opened != descriptor:
             os.dup2(opened, descriptor)

@@ -1,4 +1,4 @@
-"""Commented files for a user to start from."""
+"""Writing of templates, commented files for a user to change."""
 
 import os
 from pathlib import Path
@@ -8,14 +8,14 @@ from mrjax.core.errors import InputError, shown
 
 
 def write_new(texts: dict[Path, str]) -> None:
-    """Writes files for a user to change.
+    """Writes new files for a user to change.
 
     Args:
-      texts: by the paths of the files.
+      texts: content by path.
 
     Raises:
-      InputError: one of them is there already.
-      SystemRefusal: one cannot be written.
+      InputError: a file exists already, or a path is no file name.
+      SystemRefusal: a file cannot be written.
     """
     from mrjax.io import files
 

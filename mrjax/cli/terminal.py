@@ -1,4 +1,4 @@
-"""Lines on the terminal, whatever text a user has put into them."""
+"""Printing of lines on the terminal, with any characters."""
 
 import sys
 
@@ -8,6 +8,6 @@ from mrjax.core.text import in_terminal
 
 
 def echo(line: str, err: bool = False) -> None:
-    """Prints a line, of any text, on standard output, or on standard error."""
+    """Prints a line on standard output or standard error; control characters are escaped."""
     stream = sys.stderr if err else sys.stdout
     click.echo(in_terminal(line, getattr(stream, "encoding", None)), err=err)

@@ -1,4 +1,4 @@
-"""Figures of a run for papers: legible in grey, one or two columns wide, with units."""
+"""Figures of a run for papers: legible in greyscale, one or two columns wide, with units."""
 
 from mrjax.figures.animation import refuse_without_writer, save_animation
 from mrjax.figures.contacts import force_chains, force_distribution

@@ -1,4 +1,4 @@
-"""A settling run as a film: the particles in their box, and the mudline beside them."""
+"""Animation of a settling run: the particles in their box, and the mudline beside them."""
 
 from pathlib import Path
 
@@ -18,19 +18,19 @@ from mrjax.io import files
 
 FORMATS = ("gif", "mp4")
 PER_SECOND = 20
-"""Pictures."""
+"""Pictures per second."""
 HEIGHT, DOTS_PER_INCH = 3.6, 120
 FINENESS = 12.0
-"""Pixels to a radius: what that resolution shows of a few hundred particles."""
+"""Pixels per radius, enough for a few hundred particles at that resolution."""
 SHADES = 24
-"""Levels of grey: with all of them a GIF takes more than twice the room."""
+"""Number of grey levels; with all levels a GIF would be more than twice as large."""
 
 
 def refuse_without_writer(path: Path) -> None:
-    """Refuses a film that could not be written, before any work for it.
+    """Refuses a path to which no animation can be written, before any work is done.
 
     Raises:
-      InputError: another ending than .gif or .mp4, or .mp4 without ffmpeg.
+      InputError: the suffix is neither .gif nor .mp4, or it is .mp4 without ffmpeg.
     """
     if path.suffix not in (f".{ending}" for ending in FORMATS):
         raise InputError(f"{path}: give a name that ends in .gif or .mp4")
@@ -40,17 +40,19 @@ def refuse_without_writer(path: Path) -> None:
 
 @STYLE
 def save_animation(path: str | Path, run: Run, pictures: int = 100, progress: bool = False) -> None:
-    """Writes a run as a film of 20 pictures to the second.
+    """Writes a run as an animation with 20 pictures per second.
 
     Args:
-      path: ends in `.gif`, or in `.mp4`, for which the program ffmpeg is needed; replaced at once.
-      run: one that recorded its trajectory.
-      pictures: at most; evenly spaced frames of the run, the first and the last among them.
-      progress: whether to show a progress bar, on standard error.
+      path: path of the file, ending in `.gif`, or in `.mp4`, which needs the program ffmpeg; an old
+        file is replaced.
+      run: run that recorded its trajectory.
+      pictures: largest number of pictures; they are equidistant frames of the run, including the
+        first and the last.
+      progress: True to show a progress bar on standard error.
 
     Raises:
-      InputError: a run without a trajectory, another ending, or no ffmpeg.
-      SimulationError: the run is not to be trusted.
+      InputError: the run has no trajectory, the path has another suffix, or ffmpeg is missing.
+      SimulationError: the run has a fault.
     """
     path = Path(path)
     refuse_without_writer(path)
@@ -58,20 +60,20 @@ def save_animation(path: str | Path, run: Run, pictures: int = 100, progress: bo
     if run.trajectory is None or run.trajectory.position.ndim != 3:
         raise InputError("give one run, with a trajectory: simulate(..., trajectory=True)")
     count = min(checks.whole(pictures, "pictures"), len(run.times))
-    shown = np.unique(np.linspace(0, len(run.times) - 1, count).round().astype(int))
+    frames = np.unique(np.linspace(0, len(run.times) - 1, count).round().astype(int))
     times, mudline = np.asarray(run.times, float), np.asarray(run.mudline, float)
     size, radius = np.asarray(run.box.size), np.asarray(run.radius, float)
-    places = spheres.inside(run.trajectory.position, run.box)
+    centres = spheres.inside(run.trajectory.position, run.box)
 
     low, high = spheres.bounds(size)
     wide = HEIGHT * (high - low)[0] / (high - low)[1]
     figure = Figure(figsize=(wide + 3.0, HEIGHT), layout="constrained")
     box, curve = figure.subplots(1, 2, width_ratios=[wide, 3.0])
-    picture = spheres.draw(box, places[0], radius, size, FINENESS)
+    picture = spheres.draw(box, centres[0], radius, size, FINENESS)
     picture.set_interpolation("nearest")
     curve.plot(times, mudline, color="0.7")
-    (passed,) = curve.plot([], [], "k-")
-    (now,) = curve.plot([], [], "ko", ms=4)
+    (past,) = curve.plot([], [], "k-")
+    (present,) = curve.plot([], [], "ko", ms=4)
     curve.set_xlim(times[0], times[-1])
     curve.set_ylim(0.0, run.box.height)
     curve.set_xlabel("time")
@@ -81,18 +83,18 @@ def save_animation(path: str | Path, run: Run, pictures: int = 100, progress: bo
     kind = animation.PillowWriter if path.suffix == ".gif" else animation.FFMpegWriter
     curve.set_title(" ", loc="left")
     figure.draw_without_rendering()
-    figure.set_layout_engine("none")  # nothing moves but what is to move
+    figure.set_layout_engine("none")  # the axes stay in place in all pictures
     clock = EngFormatter("s", places=1)
     writer = kind(fps=PER_SECOND)
     with (
-        matplotlib.rc_context({"savefig.bbox": None}),  # all pictures are of one size
+        matplotlib.rc_context({"savefig.bbox": None}),  # all pictures have the same size
         files.replacing(path) as scratch,
         writer.saving(figure, scratch, DOTS_PER_INCH),
     ):
-        for frame in tqdm(shown, desc="film", disable=not progress, leave=False):
-            shades = spheres.image(places[frame], radius, size, FINENESS)
+        for frame in tqdm(frames, desc="film", disable=not progress, leave=False):
+            shades = spheres.image(centres[frame], radius, size, FINENESS)
             picture.set_data((SHADES * shades).round() / SHADES)
-            passed.set_data(times[: frame + 1], mudline[: frame + 1])
-            now.set_data(times[frame : frame + 1], mudline[frame : frame + 1])
+            past.set_data(times[: frame + 1], mudline[: frame + 1])
+            present.set_data(times[frame : frame + 1], mudline[frame : frame + 1])
             curve.set_title(clock(times[frame]), loc="left")
             writer.grab_frame()

@@ -1,4 +1,4 @@
-"""The forces between the particles of a bed: how they are distributed, and the chains they form."""
+"""The contact forces of a bed: their distribution, and the force chains."""
 
 import numpy as np
 from matplotlib.collections import LineCollection, PatchCollection
@@ -16,24 +16,26 @@ from mrjax.figures.style import COLUMN, STYLE
 from mrjax.laws import particle
 
 THICKEST = 3.5
-"""Line of a force of `STRONG` times the mean, or more; points."""
+"""Line width of a force of at least `STRONG` times the mean, in points."""
 STRONG = 4.0
 
 
 @STYLE
 def force_distribution(state: State, parameters: Parameters, box: Box) -> Figure:
-    """Probability density of normal forces over their mean, walls included, on a logarithmic axis.
+    """Draws the probability density of normal forces over their mean, on a logarithmic axis.
 
-    Beside it the exponential of the same mean, to whose tail that of granular packings is compared.
+    Forces on walls are included. An exponential distribution with the same mean is drawn for
+    comparison, because the tails of granular packings are compared with it.
 
     Args:
-      state: a moment of a run.
-      parameters, box: those of the run.
+      state: state of a run at one time.
+      parameters: parameters of the run.
+      box: box of the run.
 
     Raises:
       InputError: nothing touches.
     """
-    force = _touching(state, parameters, box).force
+    force = _contacts(state, parameters, box).force
     ratio = force / force.mean()
     bins = max(5, round(2.0 * len(ratio) ** (1 / 3)))  # Rice's rule
     density, edges = np.histogram(ratio, bins, (0.0, ratio.max()), density=True)
@@ -53,16 +55,17 @@ def force_distribution(state: State, parameters: Parameters, box: Box) -> Figure
 
 @STYLE
 def force_chains(state: State, parameters: Parameters, box: Box) -> Figure:
-    """Normal forces as lines between the centres of what touches, thicker where they are stronger.
+    """Draws normal forces as lines between centres; stronger forces have thicker lines.
 
     Args:
-      state: a moment of a run.
-      parameters, box: those of the run.
+      state: state of a run at one time.
+      parameters: parameters of the run.
+      box: box of the run.
 
     Raises:
       InputError: nothing touches.
     """
-    contacts = _touching(state, parameters, box)
+    contacts = _contacts(state, parameters, box)
     size = np.asarray(box.size)
     centres = spheres.inside(state.position, box)
     radius = np.asarray(per_particle(particle.outer_radius(parameters), state.particles))
@@ -75,7 +78,7 @@ def force_chains(state: State, parameters: Parameters, box: Box) -> Figure:
     axes = figure.subplots()
     axes.add_collection(
         PatchCollection(
-            [Circle(place, own) for place, own in zip(projected[:, :2], radius, strict=True)],
+            [Circle(centre, size) for centre, size in zip(projected[:, :2], radius, strict=True)],
             facecolor="none",
             edgecolor="0.85",
             linewidth=0.4,
@@ -97,7 +100,7 @@ def force_chains(state: State, parameters: Parameters, box: Box) -> Figure:
     return figure
 
 
-def _touching(state: State, parameters: Parameters, box: Box) -> ContactList:
+def _contacts(state: State, parameters: Parameters, box: Box) -> ContactList:
     contacts = normal_forces(state, parameters, box)
     if not len(contacts.force):
         raise InputError("nothing touches in this state: give that of a bed")

@@ -1,4 +1,4 @@
-"""The curves of a run: how it begins to settle, and the whole way to rest."""
+"""The curves of a run: the initial settling, and the whole sedimentation curve."""
 
 import jax
 import numpy as np
@@ -17,11 +17,11 @@ from mrjax.simulation.sedimentation import Sedimentation
 
 @STYLE
 def settling(run: Run, parameters: Parameters) -> Figure:
-    """Mean settling velocity against Eq. 27, and the descent of the mudline.
+    """Draws the mean settling velocity with Eq. 27, and the descent of the mudline.
 
     Args:
-      run: a plain, finished run.
-      parameters: of the run.
+      run: a finished run, not traced.
+      parameters: parameters of the run.
     """
     run.check()
     times = np.asarray(run.times, float)
@@ -58,10 +58,12 @@ def settling(run: Run, parameters: Parameters) -> Figure:
 
 @STYLE
 def sedimentation(whole: Sedimentation) -> Figure:
-    """The whole curve with its two asymptotes (Son 2018, Fig. 4), and profiles of concentration.
+    """Draws the sedimentation curve with its asymptotes, and profiles of the volume fraction.
+
+    See Son (2018), Fig. 4. Each run of an ensemble is a thin line, their mean a thick one.
 
     Args:
-      whole: one run to rest, or an ensemble: each run thin, their mean thick.
+      whole: one run to rest, or an ensemble.
     """
     times = np.asarray(whole.run.times[0], float)
     ratio = np.asarray(whole.ratio(), float)
@@ -82,10 +84,10 @@ def sedimentation(whole: Sedimentation) -> Figure:
     curve.set_xlabel("time")
     diameter, top = 2.0 * float(first.radius.max()), whole.run.box.height
     levels = np.linspace(0.0, top, 200)
-    shown = np.searchsorted(times, np.array([0.0, 0.5, 1.0, times[-1] / crossing]) * crossing)
+    frames = np.searchsorted(times, np.array([0.0, 0.5, 1.0, times[-1] / crossing]) * crossing)
     fraction = concentration(first, levels, 2.0 * diameter)
     for frame, shade in zip(
-        np.minimum(shown, len(times) - 1), ("0.75", "0.55", "0.3", "0.0"), strict=True
+        np.minimum(frames, len(times) - 1), ("0.75", "0.55", "0.3", "0.0"), strict=True
     ):
         label = f"{times[frame]:.3g} s"
         profile.plot(fraction[frame], levels / top, color=shade, label=label)

@@ -1,4 +1,4 @@
-"""The concentration over height and time."""
+"""A heat map of the volume fraction over height and time."""
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -13,27 +13,27 @@ LEVELS = 200
 
 @STYLE
 def concentration(run: Run, thickness: float | None = None) -> Figure:
-    """Volume fraction over height and time, and the mudline.
+    """Draws the volume fraction over height and time, with the mudline.
 
     Args:
-      run: in a box with a floor.
-      thickness: of the slabs that are counted, m; left out, two largest diameters, which evens out
-        the layers of a packing.
+      run: run in a box with a floor.
+      thickness: thickness of the slabs over which the volume fraction is averaged, m. The default,
+        two largest diameters, averages over the layers of a packing.
 
     Raises:
-      InputError: a thickness that is none, or a box without a floor.
-      SimulationError: the run is not to be trusted.
+      InputError: `thickness` is no positive number, or the box has no floor.
+      SimulationError: the run has a fault.
     """
     if thickness is None:
         thickness = 4.0 * float(run.radius.max())
     edges = np.linspace(0.0, run.box.height, LEVELS + 1)
     fraction = volume_fraction(run, 0.5 * (edges[1:] + edges[:-1]), thickness)
     times = np.asarray(run.times, float)
-    # A recorded time stands for what is nearer to it than to the others.
-    begins = np.concatenate([times[:1], 0.5 * (times[1:] + times[:-1]), times[-1:]])
+    # Each recorded time covers the interval of the times that are nearest to it.
+    time_edges = np.concatenate([times[:1], 0.5 * (times[1:] + times[:-1]), times[-1:]])
     figure = Figure(figsize=(COLUMN, 2.4), layout="constrained")
     axes = figure.subplots()
-    drawn = axes.pcolormesh(begins, edges, np.asarray(fraction).T, vmin=0.0, rasterized=True)
+    mesh = axes.pcolormesh(time_edges, edges, np.asarray(fraction).T, vmin=0.0, rasterized=True)
     axes.plot(times, run.mudline, "k--", linewidth=0.8, label=interface(run))
     axes.set_xlim(times[0], times[-1])
     axes.set_ylim(0.0, run.box.height)
@@ -41,7 +41,7 @@ def concentration(run: Run, thickness: float | None = None) -> Figure:
     axes.set_ylabel("height")
     axes.xaxis.set_major_formatter(EngFormatter("s"))
     axes.yaxis.set_major_formatter(EngFormatter("m"))
-    # In the clear layer, which is white.
+    # The legend is in the clear layer, which is white.
     axes.legend(loc="lower right" if np.any(run.rising) else "upper right")
-    figure.colorbar(drawn, ax=axes, label="volume fraction")
+    figure.colorbar(mesh, ax=axes, label="volume fraction")
     return figure

@@ -14,28 +14,28 @@ from mrjax.figures.style import COLUMN, LINES, STYLE
 
 @STYLE
 def sensitivities(exponents: Mapping[str, ArrayLike], observable: str) -> Figure:
-    """A bar for each parameter, the most influential on top.
+    """Draws a bar for each parameter, with the most influential parameter on top.
 
-    An exponent p means that one per cent more of the parameter is p per cent more of what is
-    observed.
+    An exponent p means that the observable rises by p per cent if the parameter rises by one per
+    cent.
 
     Args:
-      exponents: d ln observable / d ln parameter by the parameter's name, () each.
-      observable: its name.
+      exponents: d ln observable / d ln parameter, by the name of the parameter, () each.
+      observable: name of the observable.
 
     Raises:
-      InputError: no exponents, or one that is not a finite number.
+      InputError: there are no exponents, or one is not a finite number.
     """
     values = _finite(exponents, dimensions=0)
     names = sorted(values, key=lambda name: abs(values[name]))
     widths = np.array([values[name] for name in names])
     figure = Figure(figsize=(COLUMN, 0.7 + 0.24 * len(names)), layout="constrained")
     axes = figure.subplots()
-    places = np.arange(len(names))
-    drawn = axes.barh(places, widths, 0.65, color="0.6", edgecolor="k", linewidth=0.6)
-    axes.set_yticks(places, map(in_figure, names))
+    rows = np.arange(len(names))
+    bars = axes.barh(rows, widths, 0.65, color="0.6", edgecolor="k", linewidth=0.6)
+    axes.set_yticks(rows, map(in_figure, names))
     labels = [f"{width:+.3g}".replace("-", "\N{MINUS SIGN}") for width in widths]
-    axes.bar_label(drawn, labels, fontsize=7.0, padding=2)
+    axes.bar_label(bars, labels, fontsize=7.0, padding=2)
     axes.axvline(0.0, color="k", linewidth=0.6)
     axes.set_xlabel(f"d ln {in_figure(observable)} / d ln parameter")
     reach = max(1e-300, np.abs(widths).max())
@@ -50,16 +50,16 @@ def sensitivities(exponents: Mapping[str, ArrayLike], observable: str) -> Figure
 def sensitivity_curves(
     times: ArrayLike, exponents: Mapping[str, ArrayLike], observable: str
 ) -> Figure:
-    """A line for each parameter along a run.
+    """Draws a line for each parameter over time.
 
     Args:
-      times: (F,) in s.
-      exponents: d ln observable / d ln parameter by the parameter's name, (F,) each; at most 6.
-      observable: its name.
+      times: times, (F,) in s.
+      exponents: d ln observable / d ln parameter, by the name of the parameter, (F,) each; at most
+        six, because there are six line styles.
+      observable: name of the observable.
 
     Raises:
-      InputError: no exponents, more than there are lines to tell apart, or one that is not a finite
-        number at every time.
+      InputError: there are no exponents, too many, or one is not a finite number at every time.
     """
     values = _finite(exponents, dimensions=1)
     if len(values) > len(LINES):
@@ -67,9 +67,9 @@ def sensitivity_curves(
     figure = Figure(figsize=(COLUMN, 2.4), layout="constrained")
     axes = figure.subplots()
     axes.axhline(0.0, color="0.8", linewidth=0.6)
-    for (name, curve), look in zip(values.items(), LINES, strict=False):
+    for (name, curve), style in zip(values.items(), LINES, strict=False):
         [line] = axes.plot(np.asarray(times, float), curve, label=in_figure(name))
-        line.set(**look)
+        line.set(**style)
     axes.set_xlim(float(np.min(times)), float(np.max(times)))
     axes.set_xlabel("time")
     axes.xaxis.set_major_formatter(EngFormatter("s"))

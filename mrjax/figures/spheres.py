@@ -1,4 +1,4 @@
-"""The particles in their box: spheres with their true radii in parallel projection, shaded."""
+"""The particles in their box: shaded spheres with their true radii, in parallel projection."""
 
 from collections.abc import Mapping
 from itertools import product
@@ -15,50 +15,50 @@ from mrjax.core.text import in_figure
 from mrjax.figures.style import COLUMN, PAGE, STYLE
 
 AZIMUTH, ELEVATION = np.radians(25.0), np.radians(12.0)
-"""Direction from which a box is looked at: to the right of its front, and from above."""
+"""Direction of view: from the right of the front of the box, and from above."""
 SUN = np.array([-0.45, 0.55, 0.70])
-"""Direction of the light: to the right, up, towards the eye."""
+"""Direction of the light: to the right, up, towards the viewer."""
 FINENESS = 30.0
-"""Pixels to a radius."""
+"""Pixels per radius."""
 MOST_PIXELS = 2000
-"""Along a side of the picture; more than print shows."""
+"""Largest number of pixels along a side of the picture, enough for print."""
 
 
 @STYLE
 def particles(positions: Mapping[str, ArrayLike], radius: ArrayLike, box: Box) -> Figure:
-    """The particles in their box at one moment, or several side by side.
+    """Draws the particles in their box, in one panel for each moment.
 
-    Nearer surfaces hide others and are lighter. On periodic axes particles are drawn where their
-    centres lie in the box.
+    Nearer surfaces hide others and are lighter. On periodic axes, centres are wrapped into the box.
 
     Args:
-      positions: centres by the title of their moment, (N, 3) in m; such as
+      positions: centres by the title of the panel, (N, 3) in m, such as
         `{"dispersed": state.position, "at rest": run.state.position}`.
-      radius: of the coated particles, () or (N,) in m, such as `run.radius`.
-      box: of the run.
+      radius: radius of the coated particles, () or (N,) in m, such as `run.radius`.
+      box: box of the run.
 
     Raises:
-      InputError: no positions, or an array of another shape.
+      InputError: there are no positions, or an array has another shape.
     """
     centres = {title: np.asarray(values, float) for title, values in positions.items()}
     radius = np.asarray(radius, float)
     if not centres:
         raise InputError("positions is empty: give at least one moment")
-    for title, places in centres.items():
-        if places.ndim != 2 or places.shape[1] != 3 or radius.shape not in ((), places.shape[:1]):
+    for title, points in centres.items():
+        if points.ndim != 2 or points.shape[1] != 3 or radius.shape not in ((), points.shape[:1]):
             raise InputError(
-                f"positions[{title!r}] have shape {places.shape} and radius {radius.shape}; give "
+                f"positions[{title!r}] have shape {points.shape} and radius {radius.shape}; give "
                 "(N, 3), and () or (N,)"
             )
     low, high = bounds(np.asarray(box.size))
     width, height = (high - low)[:2]
-    each = min(COLUMN / 2, PAGE / len(centres))
+    panel_width = min(COLUMN / 2, PAGE / len(centres))
     figure = Figure(
-        figsize=(each * len(centres), 0.2 + each * height / width), layout="constrained"
+        figsize=(panel_width * len(centres), 0.2 + panel_width * height / width),
+        layout="constrained",
     )
     panels = figure.subplots(1, len(centres), squeeze=False)[0]
-    for axes, (title, places) in zip(panels, centres.items(), strict=True):
-        draw(axes, inside(places, box), radius, np.asarray(box.size))
+    for axes, (title, points) in zip(panels, centres.items(), strict=True):
+        draw(axes, inside(points, box), radius, np.asarray(box.size))
         axes.set_title(in_figure(title))
     return figure
 
@@ -70,16 +70,16 @@ def draw(
     size: np.ndarray,
     fineness: float = FINENESS,
 ) -> AxesImage:
-    """Spheres and their box.
+    """Draws spheres and their box.
 
     Args:
-      axes: to draw in.
-      centres: in the box, (N, 3) in m.
-      radius: () or (N,) in m.
-      size: of the box, (3,) in m.
-      fineness: pixels to the largest radius, if the picture does not become too large.
+      axes: axes to draw in.
+      centres: centres within the box, (N, 3) in m.
+      radius: radii, () or (N,) in m.
+      size: size of the box, (3,) in m.
+      fineness: pixels per largest radius; fewer if the picture would become too large.
     """
-    drawn = axes.imshow(
+    picture = axes.imshow(
         image(centres, radius, size, fineness),
         cmap="gray",
         vmin=0,
@@ -89,16 +89,16 @@ def draw(
         zorder=1,
     )
     draw_box(axes, size)
-    return drawn
+    return picture
 
 
 def draw_box(axes: Axes, size: np.ndarray) -> None:
-    """The edges of a box, those behind what is in it and those in front."""
+    """Draws the edges of a box, behind and in front of its content."""
     corners = project(size * np.array(list(product((0, 1), repeat=3))))
     low, high = bounds(size)
     farthest = corners[:, 2].argmin()
     for first, second in product(range(8), repeat=2):
-        # Corners are numbered in binary: an edge joins two that differ in one digit.
+        # Corners are numbered in binary; an edge joins two whose numbers differ in one digit.
         if first < second and (first ^ second).bit_count() == 1:
             behind = farthest in (first, second)
             ends = corners[[first, second]]
@@ -111,12 +111,12 @@ def draw_box(axes: Axes, size: np.ndarray) -> None:
 
 
 def inside(position: ArrayLike, box: Box) -> np.ndarray:
-    """Positions moved into the box along its periodic axes; (..., 3) in m."""
+    """Moves positions into the box along its periodic axes; (..., 3) in m."""
     return box.inside(np.asarray(position, float))
 
 
 def project(points: np.ndarray) -> np.ndarray:
-    """Projects points (..., 3) on the axes of the viewer: to the right, up, towards the eye."""
+    """Projects points (..., 3) on the axes of the viewer: to the right, up, towards the viewer."""
     right = [np.cos(AZIMUTH), np.sin(AZIMUTH), 0.0]
     back = [-np.sin(AZIMUTH), np.cos(AZIMUTH)]
     up = [*(np.sin(ELEVATION) * np.array(back)), np.cos(ELEVATION)]
@@ -124,7 +124,7 @@ def project(points: np.ndarray) -> np.ndarray:
 
 
 def bounds(size: np.ndarray) -> np.ndarray:
-    """The least and the greatest of a box as the eye has it; (2, 3)."""
+    """Returns the lower and upper bounds of a box on the axes of the viewer; (2, 3)."""
     corners = project(size * np.array(list(product((0, 1), repeat=3))))
     return np.array([corners.min(axis=0), corners.max(axis=0)])
 
@@ -132,9 +132,10 @@ def bounds(size: np.ndarray) -> np.ndarray:
 def image(
     centres: np.ndarray, radius: np.ndarray, size: np.ndarray, fineness: float
 ) -> np.ma.MaskedArray:
-    """Shades of the foremost surfaces within the bounds, (rows, columns) from 0 to 1.
+    """Returns the shades of the foremost surfaces, (rows, columns) from 0 to 1.
 
-    Lambert's law in parallel light, and darker with depth. Masked where there is no sphere.
+    The shading is Lambert's law in parallel light, and darker with depth. Pixels without a sphere
+    are masked.
     """
     centres, radius = project(centres), np.broadcast_to(radius, len(centres))
     low, high = bounds(size)
@@ -147,18 +148,18 @@ def image(
     y = low[1] + (np.arange(rows) + 0.5) * height
     front, shades = np.full((rows, columns), -np.inf), np.zeros((rows, columns))
     sun = SUN / np.linalg.norm(SUN)
-    for centre, own in zip(centres, radius, strict=True):
-        across = slice(*np.searchsorted(x, (centre[0] - own, centre[0] + own)))
-        along = slice(*np.searchsorted(y, (centre[1] - own, centre[1] + own)))
-        normal_x = (x[None, across] - centre[0]) / own
-        normal_y = (y[along, None] - centre[1]) / own
+    for centre, r in zip(centres, radius, strict=True):
+        covered_x = slice(*np.searchsorted(x, (centre[0] - r, centre[0] + r)))
+        covered_y = slice(*np.searchsorted(y, (centre[1] - r, centre[1] + r)))
+        normal_x = (x[None, covered_x] - centre[0]) / r
+        normal_y = (y[covered_y, None] - centre[1]) / r
         square = 1.0 - normal_x**2 - normal_y**2
         normal_z = np.sqrt(np.maximum(square, 0.0))
-        depth = centre[2] + own * normal_z
-        visible = (square > 0.0) & (depth > front[along, across])
+        depth = centre[2] + r * normal_z
+        visible = (square > 0.0) & (depth > front[covered_y, covered_x])
         light = np.maximum(normal_x * sun[0] + normal_y * sun[1] + normal_z * sun[2], 0.0)
         nearness = (centre[2] - low[2]) / (high[2] - low[2])
         shade = (0.25 + 0.75 * light) * (0.45 + 0.55 * nearness)
-        front[along, across] = np.where(visible, depth, front[along, across])
-        shades[along, across] = np.where(visible, shade, shades[along, across])
+        front[covered_y, covered_x] = np.where(visible, depth, front[covered_y, covered_x])
+        shades[covered_y, covered_x] = np.where(visible, shade, shades[covered_y, covered_x])
     return np.ma.masked_where(np.isinf(front), shades)

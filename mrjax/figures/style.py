@@ -1,4 +1,4 @@
-"""The look of all figures: legible in grey, in the widths and font sizes of a paper's columns."""
+"""The style of all figures: legible in greyscale, with the widths and font sizes of a paper."""
 
 import matplotlib
 import numpy as np
@@ -6,7 +6,7 @@ import numpy as np
 from mrjax.core.run import Run
 
 COLUMN, PAGE = 3.4, 7.0
-"""Widths of a figure in one column, and across both; inches."""
+"""Widths of a figure in one column, and across both columns; inches."""
 
 STYLE = matplotlib.rc_context(
     {
@@ -25,12 +25,12 @@ STYLE = matplotlib.rc_context(
         "ytick.minor.width": 0.4,
         "lines.linewidth": 1.0,
         "image.cmap": "gray_r",
-        # Labels are made for matplotlib's own mathematics, by `mrjax.core.text.in_figure`.
+        # `mrjax.core.text.in_figure` escapes labels for matplotlib's own formulas, not for TeX.
         "text.usetex": False,
         "text.parse_math": True,
     }
 )
-"""Decorates what draws a figure; nobody else's settings are touched."""
+"""Decorator of functions that draw a figure; a user's own settings stay as they are."""
 
 LINES = (
     {"color": "0.0", "linestyle": "-"},
@@ -40,9 +40,9 @@ LINES = (
     {"color": "0.0", "linestyle": ":"},
     {"color": "0.65", "linestyle": "--"},
 )
-"""Lines that differ without colour."""
+"""Line styles that differ without colour."""
 
 
 def interface(run: Run) -> str:
-    """The label of the mudline of a run, or of several."""
+    """Returns the label of the mudline of a run, or of several."""
     return "bottom of the lowest particle" if np.any(run.rising) else "top of the highest particle"

@@ -1,4 +1,4 @@
-"""Son (2018) recomputed: the runs of its cases, every printed number beside ours, its figures."""
+"""Son (2018) recomputed: its simulations, every printed number with ours, and its figures."""
 
 import lazy_loader
 

@@ -1,4 +1,4 @@
-"""One of the paper's cases: its lab sheet, and the runs of it."""
+"""A case of the paper: its lab sheet and its simulations."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,15 +10,15 @@ from mrjax.paper.runs import CASES, Simulated
 T = TypeVar("T")
 
 MEASURED_RATIO = {"case1": 78.0, "case2": 78.0, "case3": 90.0}
-"""Fang et al. (2005), %."""
+"""Final sedimentation ratios measured by Fang et al. (2005), %."""
 FINAL_RATIO_WITHIN = 2.0
-"""Percentage points: beds of a few hundred particles differ by up to 3 from one random start to
-another, and the printed ratio is that of a single one."""
+"""Tolerance of a final ratio, percentage points. Beds of a few hundred particles differ by up to 3
+points between random starts, and the printed ratio is that of a single start."""
 
 
 @dataclass(frozen=True)
 class Case:
-    """A case with what a row needs of it."""
+    """A case with the data for the rows of the table."""
 
     name: str
     recipe: Recipe
@@ -31,7 +31,7 @@ class Case:
 
     @property
     def velocity(self) -> float:
-        """Initial settling velocity, simulated; mm/day."""
+        """Simulated initial settling velocity, mm/day."""
         return self.runs.velocities[self.name]
 
     @property
@@ -41,7 +41,7 @@ class Case:
 
     @property
     def final_ratio(self) -> float:
-        """Final sedimentation ratio, simulated; mean of the random starts, %."""
+        """Simulated final sedimentation ratio, mean of the random starts, %."""
         return self.runs.final_ratio(self.name)
 
     @property
@@ -51,5 +51,5 @@ class Case:
         return float(standard_error(ratios)) if len(ratios) > 1 else None
 
     def choose(self, *values: T) -> T:
-        """The value of this case, of three that are given for `CASES`."""
+        """Returns the value for this case, from one value for each of `CASES`."""
         return values[CASES.index(self.name)]

@@ -1,7 +1,7 @@
-"""Final beds as Son (2018) made them: the dispersed particles dropped without a fluid.
+"""Final beds as in Son (2018): the dispersed particles are dropped without a fluid.
 
 Section 3.1: "a settling simulation excluding hydrodynamic interactions for computational
-efficiency". Neither friction, restitution nor stiffness of that run is printed.
+efficiency". The paper gives neither friction, restitution nor stiffness of that simulation.
 """
 
 from collections.abc import Iterable
@@ -13,19 +13,19 @@ from mrjax.core.run import Run
 from mrjax.recipe.recipe import Recipe
 
 INFERRED_FRICTION = 0.2
-"""Friction coefficient that the paper does not give, inferred: beds between walls have the printed
-final ratios of both samples within 1.2 points, by the top of the highest particle; 0.3 does as well
-(six starts each, `tests/studies/settling/README.md`)."""
+"""Friction coefficient inferred here, because the paper gives none. Beds between walls then have
+the printed final ratios of both samples within 1.2 points, by the top of the highest particle; 0.3
+does as well (six starts each, `tests/studies/settling/README.md`)."""
 
 ELASTIC_MODULUS = 1e7
-"""Modulus of particles and walls, Pa: the deepest impact is then 0.3 % of a radius."""
+"""Modulus of particles and walls, Pa, with which the largest overlap is 0.3 % of a radius."""
 RESTITUTION = 0.5
-"""Its value hardly matters: the height of a bed changes by about a point from 0.1 to 0.9."""
+"""Coefficient of restitution. From 0.1 to 0.9 the height of a bed changes by about a point only."""
 TIME_STEP, LONGEST = 5e-8, 0.05
-"""s, s."""
+"""Step and longest duration, s."""
 REST, REST_WITHOUT_FRICTION = 3e-4, 5e-3
-"""Mean speed at which a bed rests, over that of a free fall. Without friction loose particles roll
-on for long: LIGGGHTS' beds were left, after 9 ms, at 1e-3 to 1e-2 of it."""
+"""Mean speed below which a bed is at rest, over that of a free fall. Without friction, loose
+particles roll on for long: beds of LIGGGHTS had 1e-3 to 1e-2 of it after 9 ms."""
 
 
 def dropped(
@@ -36,21 +36,21 @@ def dropped(
     progress: bool = False,
     checkpoint: Path | None = None,
 ) -> Run:
-    """Lets the recipe's particles fall in a vacuum until their bed rests.
+    """Simulates the particles of a recipe falling in a vacuum until their bed is at rest.
 
     Args:
-      recipe: the lab sheet; its fluid and its surfaces' friction and stiffness are not used.
-      seeds: of the M random starts, one run for each.
+      recipe: lab sheet, whose fluid, friction and stiffness are not used.
+      seeds: seeds of the M random starts, one run for each.
       friction: Coulomb's coefficient between particles and on the walls.
-      periodic: whether the sides of the box are periodic images in place of walls.
-      progress: whether to show progress bars, on standard error.
-      checkpoint: folder that keeps the runs as they go, as for `mrjax.settle`.
+      periodic: True for a box with periodic sides in place of walls.
+      progress: True to show progress bars on standard error.
+      checkpoint: folder for a checkpoint, as for `mrjax.settle`.
 
     Returns:
-      All runs, each of the arrays with a leading axis (M, ...).
+      All runs, with a leading axis of M in every array.
 
     Raises:
-      SimulationError: a bed that does not come to rest, or a run not to be trusted.
+      SimulationError: a bed does not come to rest, or a run has a fault.
     """
     if periodic:
         recipe = recipe.model_copy(update={"box": Box(recipe.box.size, (True, True, False))})

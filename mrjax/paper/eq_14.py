@@ -1,4 +1,4 @@
-"""Eq. 14, the wall correction factor: its coefficients from the table that it was fitted to."""
+"""Eq. 14, the wall correction factor: a fit of its coefficients to the original table."""
 
 from collections.abc import Iterator
 
@@ -18,12 +18,12 @@ HABERMAN_SAYRE_EXACT = {
     0.7: 24.955,
     0.8: 73.555,
 }
-"""Drag factor of a sphere in a tube by diameter ratio, as Haberman & Sayre (1958) tabulate their
-exact solution: the data behind Eq. 14."""
+"""Drag factor of a sphere in a tube, by diameter ratio: the exact solution as tabulated by Haberman
+& Sayre (1958), to which Eq. 14 was fitted."""
 
 
 def rows() -> Iterator[Row]:
-    """The numbers of Eq. 14."""
+    """Yields the rows of the numbers of Eq. 14."""
     coefficient, exponent = _regression()
     source = "section 2.3; least squares on the exact column of Haberman & Sayre (1958)"
     yield row(
@@ -32,7 +32,7 @@ def rows() -> Iterator[Row]:
         "389.1530",
         coefficient,
         "1",
-        f"{source}; the last digits hang on the rounding of that column",
+        f"{source}; the last digits depend on the rounding of that column",
         within=0.005,
     )
     yield row("Eq. 14", "exponent", "7.5593", exponent, "1", source)
@@ -49,15 +49,15 @@ def rows() -> Iterator[Row]:
 
 
 def _regression() -> tuple[float, float]:
-    """Eq. 14's coefficient and exponent: unweighted least squares of a lambda^b + 1."""
+    """Returns coefficient and exponent of Eq. 14 by unweighted least squares of a lambda^b + 1."""
     ratio = np.array(list(HABERMAN_SAYRE_EXACT))
     exact = np.array(list(HABERMAN_SAYRE_EXACT.values()))
 
-    def off(guess: np.ndarray) -> np.ndarray:
+    def residuals(guess: np.ndarray) -> np.ndarray:
         return guess[0] * ratio ** guess[1] + 1.0 - exact
 
     fit = least_squares(
-        off,
+        residuals,
         [300.0, 7.0],
         method="lm",
         xtol=1e-12,

@@ -1,7 +1,8 @@
-"""Son's figures drawn from other data: legible in grey, one column of a paper wide.
+"""The figures of Son (2018), drawn from the results of this code: in greyscale, one column wide.
 
-Fig. 2 the wall factor, Fig. 4 the sedimentation curve, Figs. 5 and 8 the particles at both ends of
-a run, Figs. 6 and 7 bars beside the measurements. Figs. 1 and 3 are sketches without data.
+Fig. 2 is the wall factor, Fig. 4 the sedimentation curve. Figs. 5 and 8 are the particles at the
+start and at the end of a run. Figs. 6 and 7 compare with measurements. Figs. 1 and 3 of the paper
+are sketches without data.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,12 +22,12 @@ from mrjax.paper.runs import Simulated
 from mrjax.simulation.sedimentation import Sedimentation, standard_error
 
 COMPARED = ("case2", "case3")
-"""The cases that the paper sets beside measurements."""
+"""Cases that the paper compares with measurements."""
 
 
 @dataclass(frozen=True)
 class PaperFigure:
-    """A figure of the paper, drawn from the results here."""
+    """A figure of the paper, drawn from the results of this code."""
 
     number: int
     figure: Figure
@@ -34,18 +35,18 @@ class PaperFigure:
 
     @property
     def name(self) -> str:
-        """The name of its files, without their ending."""
+        """Name of the files of the figure, without suffix."""
         return f"figure-{self.number}"
 
 
 def paper_figures(
     rows: Sequence[Row], runs: Simulated, settled: Sedimentation
 ) -> list[PaperFigure]:
-    """Figs. 2 and 4 to 8 with their captions.
+    """Returns Figs. 2 and 4 to 8 with their captions.
 
     Args:
-      rows: the printed numbers beside ours.
-      runs: the runs behind the rows.
+      rows: printed and computed numbers.
+      runs: simulations from which the rows were computed.
       settled: case2 at its own viscosity; the first of its runs is drawn.
     """
     curve = jax.tree.map(lambda leaf: leaf[0], settled.run)
@@ -126,10 +127,10 @@ def _comparison(
 
 @STYLE
 def wall_factor(exact: Mapping[float, float]) -> Figure:
-    """f_w against the diameter ratio: Eq. 14, what it was fitted to, and its alternatives (Fig. 2).
+    """Draws f_w against the diameter ratio: Eq. 14, its data, and its alternatives (Fig. 2).
 
     Args:
-      exact: factor by diameter ratio, as tabulated.
+      exact: tabulated drag factor, by diameter ratio.
     """
     ratio = np.linspace(1e-3, 1.0, 500)
     fraction = drag.volume_fraction_at(ratio)
@@ -156,17 +157,17 @@ def wall_factor(exact: Mapping[float, float]) -> Figure:
 
 @STYLE
 def sedimentation_curve(times: np.ndarray, ratio: np.ndarray, lines: Asymptotes) -> Figure:
-    """A sedimentation curve and its initial and final asymptotes (Fig. 4).
+    """Draws a sedimentation curve with its initial and final asymptotes (Fig. 4).
 
     Args:
-      times: (F,) in s.
+      times: times, (F,) in s.
       ratio: sedimentation ratio, (F,).
-      lines: the asymptotes of that curve.
+      lines: asymptotes of the curve.
     """
     final, crossing = 100 * float(lines.final_ratio), float(lines.crossing_time)
     figure = Figure(figsize=(COLUMN, 2.5), layout="constrained")
     axes = figure.subplots()
-    # Each line reaches a little beyond the corner, as in the paper.
+    # Each line extends a little beyond the intersection, as in the paper.
     descent = (100 * ratio[0] - final) / crossing
     beyond = 1.15 * crossing
     axes.plot([0.0, beyond], [100 * ratio[0], 100 * ratio[0] - descent * beyond], "-", color="0.6")
@@ -186,23 +187,23 @@ def bars(
     label: str,
     errors: Mapping[str, Sequence[float]] | None = None,
 ) -> Figure:
-    """Groups of bars, one for each case, one bar of each source in it (Figs. 6 and 7).
+    """Draws a group of bars for each case, with a bar for each source (Figs. 6 and 7).
 
     Args:
-      values: of each source, one for each case.
-      cases: below the groups.
-      label: of the vertical axis.
-      errors: of some of the sources, half lengths of their error bars.
+      values: one value for each case, by source.
+      cases: labels of the groups.
+      label: label of the vertical axis.
+      errors: half lengths of the error bars, by source; None without error bars.
     """
     figure = Figure(figsize=(COLUMN, 2.6), layout="constrained")
     axes = figure.subplots()
     width, middle = 0.26, np.arange(len(cases))
-    looks = (("0.85", ""), ("0.45", ""), ("1.0", "////"))
-    for place, ((source, heights), (shade, hatch)) in enumerate(
-        zip(values.items(), looks, strict=True)
+    styles = (("0.85", ""), ("0.45", ""), ("1.0", "////"))
+    for column, ((source, heights), (shade, hatch)) in enumerate(
+        zip(values.items(), styles, strict=True)
     ):
-        drawn = axes.bar(
-            middle + (place - 1) * width,
+        group = axes.bar(
+            middle + (column - 1) * width,
             heights,
             width,
             yerr=(errors or {}).get(source),
@@ -213,7 +214,7 @@ def bars(
             linewidth=0.7,
             label=source,
         )
-        axes.bar_label(drawn, fmt="%.1f", padding=2)
+        axes.bar_label(group, fmt="%.1f", padding=2)
     axes.set_xticks(middle, cases)
     axes.set_ylabel(label)
     # Room for the numbers above the bars.

@@ -1,4 +1,4 @@
-"""A printed number of the paper beside the one computed here."""
+"""A row of the table of printed and computed numbers."""
 
 from dataclasses import asdict, dataclass
 from decimal import Decimal
@@ -8,7 +8,7 @@ from mrjax.core.text import with_error
 
 @dataclass(frozen=True)
 class Row:
-    """One printed number beside the one computed here."""
+    """A printed number of the paper and the number computed here."""
 
     case: str
     quantity: str
@@ -16,7 +16,7 @@ class Row:
     computed: float | None
     unit: str
     status: str
-    """reproduced, corrected or not reproducible."""
+    """`reproduced`, `corrected` or `not reproducible`."""
     reason: str
     standard_error: float | None = None
     """Standard error of a computed number that is a mean of random starts."""
@@ -42,10 +42,22 @@ def row(
     within: float | None = None,
     standard_error: float | None = None,
 ) -> Row:
-    """A row; `reproduced` where the computed number rounds to the printed one, or is `within`."""
+    """Makes a row and determines its status.
+
+    Args:
+      case: name of the case.
+      quantity: name of the quantity.
+      printed: number as printed in the paper.
+      computed: number computed here, or None.
+      unit: unit of both numbers.
+      reason: explanation of the status.
+      otherwise: status of a number that is not reproduced.
+      within: tolerance of a reproduced number; by default the computed number must round to the
+        printed one.
+    """
     number = Decimal(printed)
-    half_a_digit = 0.5 * 10.0 ** int(number.as_tuple().exponent) * (1 + 1e-9)
-    tolerance = half_a_digit if within is None else within
+    half_digit = 0.5 * 10.0 ** int(number.as_tuple().exponent) * (1 + 1e-9)
+    tolerance = half_digit if within is None else within
     agrees = computed is not None and abs(computed - float(number)) <= tolerance
     return Row(
         case,
@@ -60,5 +72,5 @@ def row(
 
 
 def as_tables(rows: list[Row]) -> list[dict]:
-    """The rows as plain tables, for JSON."""
+    """Returns the rows as dicts, for JSON."""
     return [asdict(row) for row in rows]

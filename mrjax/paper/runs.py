@@ -1,7 +1,7 @@
-"""The runs behind the numbers: the paper's three cases, and its beds.
+"""The simulations from which the numbers are computed: the three cases of the paper, and its beds.
 
-Velocities come from the simulation of all particles, not from the formula; final ratios from beds
-that were dropped, as the paper's were.
+Velocities come from the simulation of all particles, not from the closed form. Final ratios come
+from beds that were dropped without a fluid, as in the paper.
 """
 
 from collections.abc import Callable
@@ -21,27 +21,28 @@ from mrjax.paper.dry_beds import dropped
 CASES = ("case1", "case2", "case3")
 
 PAPER_STEPS = {"case1": 100e-9, "case2": 0.1e-9, "case3": 1.0e-9}
-"""Table 2, s."""
+"""Steps of Table 2, s."""
 
 
 @dataclass(frozen=True)
 class Simulated:
-    """The runs behind the rows."""
+    """Results of the simulations from which the rows are computed."""
 
     velocities: dict[str, float]
     """Initial settling velocities by case, and that of case2 with the printed f_w; mm/day."""
     beds: dict[str, Run]
-    """M dropped beds by case; case1 and case2 differ by their drag only and share theirs."""
+    """M dropped beds, by case. case1 and case2 share their beds, because they differ in drag only.
+    """
     dispersed: dict[str, State]
-    """The suspension that became the first of the beds, by case."""
+    """Initial suspension of the first bed, by case."""
 
     def final_ratios(self, case: str) -> Array:
-        """Top of the highest particle at rest over the height of the box; %, (M,)."""
+        """Returns the top of the highest particle at rest over the height of the box; %, (M,)."""
         bed = self.beds[case]
         return 100 * bed.mudline[:, -1] / bed.initial_height
 
     def final_ratio(self, case: str) -> float:
-        """Mean of `final_ratios`, %."""
+        """Returns the mean of `final_ratios`, %."""
         return float(jnp.mean(self.final_ratios(case)))
 
 
@@ -52,14 +53,14 @@ def simulated(
     checkpoint: Path | None = None,
     progress: bool = False,
 ) -> Simulated:
-    """Runs the paper's cases, and case 2 with the printed f_w, too.
+    """Simulates the cases of the paper, and case 2 with the printed f_w, too.
 
     Args:
-      seed: of the random suspensions; the first of those that are dropped.
-      starts: M, number of suspensions of each kind that are dropped.
-      report: called with a line before each part.
-      checkpoint: folder that keeps the beds as they go, as for `mrjax.settle`.
-      progress: whether to show progress bars, on standard error.
+      seed: seed of the random suspension; the dropped ones have this and the following seeds.
+      starts: number M of random starts for each kind of bed.
+      report: function called with a line of text before each part.
+      checkpoint: folder for checkpoints of the beds, as for `mrjax.settle`.
+      progress: True to show progress bars on standard error.
     """
     recipes = {case: Recipe.load(case) for case in CASES}
     velocities = {}
@@ -86,7 +87,7 @@ def simulated(
 def simulated_velocity(
     recipe: Recipe, parameters: Parameters, seed: int, time_step: float
 ) -> float:
-    """Initial settling velocity of the recipe's particles, mm/day."""
+    """Simulates the particles of a recipe; returns the initial settling velocity, mm/day."""
     relaxation = float(jnp.max(time_scales.relaxation_time(parameters)))
     run = mrjax.simulate(
         mrjax.disperse(recipe, seed),

@@ -1,4 +1,4 @@
-"""Table 2 of Son (2018): one function a line of the table."""
+"""Table 2 of Son (2018), with a function for each line of the table."""
 
 from collections.abc import Callable, Iterator
 
@@ -16,12 +16,12 @@ from mrjax.paper.row import Row, row
 from mrjax.paper.runs import PAPER_STEPS
 
 PRINTED_VELOCITIES = ("491.2", "9.2", "4.0")
-"""mm/day."""
+"""Initial settling velocities, mm/day."""
 MEASURED = "measured by Fang et al. (2005), not a result of the model: see the calibration"
 
 
 def rows(case: Case) -> Iterator[Row]:
-    """The column of a case, from top to bottom."""
+    """Returns the rows of the column of a case, from top to bottom."""
     return (line(case) for line in LINES)
 
 
@@ -123,10 +123,10 @@ def _velocity(case: Case) -> Row:
 
 def _reynolds_number(case: Case) -> Row:
     printed_velocity = float(case.choose(*PRINTED_VELOCITIES))
-    of_printed = float(mrjax.reynolds_number(printed_velocity / MM_PER_DAY, case.parameters))
+    reynolds = float(mrjax.reynolds_number(printed_velocity / MM_PER_DAY, case.parameters))
     reason = (
-        f"the printed velocity gives {of_printed:.3g}; that over 1.68, the viscosity factor "
-        f"of case 3, is {of_printed / 1.68:.3g}, the printed value"
+        f"the printed velocity gives {reynolds:.3g}; that over 1.68, the viscosity factor "
+        f"of case 3, is {reynolds / 1.68:.3g}, the printed value"
     )
     return row(
         case.name,
@@ -157,7 +157,7 @@ def _final_ratio(case: Case) -> Row:
         case.choose("69.3", "69.3", "86.4"),
         case.final_ratio,
         "%",
-        _about_beds(case.runs.final_ratios(case.name)),
+        _bed_reason(case.runs.final_ratios(case.name)),
         "not reproducible",
         within=FINAL_RATIO_WITHIN,
         standard_error=case.final_ratio_error,
@@ -180,9 +180,10 @@ LINES: tuple[Callable[[Case], Row], ...] = (
 
 
 def uncoated_radius_velocity(parameters: Parameters) -> float:
-    """Variant of case 3: net weight with the uncoated volume, drag with the coated one; mm/day.
+    """Settling velocity with the net weight of the uncoated volume and the coated drag; mm/day.
 
-    The simplest slip that prints as 4.0: the apparent density is used with the uncoated radius.
+    This is the simplest error that gives the printed 4.0 of case 3: the apparent density is used
+    with the uncoated radius.
     """
     density = particle.apparent_density(parameters) - parameters.fluid_density
     weight = density * particle.core_volume(parameters) * parameters.gravity
@@ -190,24 +191,24 @@ def uncoated_radius_velocity(parameters: Parameters) -> float:
     return MM_PER_DAY * float(weight / stokes)
 
 
-def _about_beds(ratios: Array) -> str:
-    """The reason beside final ratios in %: mean, error, and how the beds were made."""
+def _bed_reason(ratios: Array) -> str:
+    """Returns the reason for final ratios in %: their statistics, and how the beds were made."""
     if len(ratios) > 1:
         error = float(mrjax.standard_error(ratios))
-        known = (
+        statistics = (
             f"{float(jnp.mean(ratios)):.2f} +- {error:.2f}, mean and standard error of "
             f"{len(ratios)} random starts, {float(ratios.min()):.1f} to {float(ratios.max()):.1f}"
         )
     else:
-        known = f"{float(ratios[0]):.2f}, of one random start"
+        statistics = f"{float(ratios[0]):.2f}, of one random start"
     return (
-        f"{known}; dropped without drag as in section 3.1, walls on all sides, top of the highest "
-        f"particle; the friction coefficient, {INFERRED_FRICTION:g}, is inferred, none is given; "
+        f"{statistics}; dropped without drag as in section 3.1, walls on all sides, top of the "
+        f"highest particle; the friction coefficient, {INFERRED_FRICTION:g}, is inferred, none is given; "
         f"reproduced means within {FINAL_RATIO_WITHIN:g} points, as starts differ by up to 3"
     )
 
 
 def _counted_fraction(recipe: Recipe) -> float:
-    """Coated volume fraction of the whole number of particles in the box."""
+    """Returns the coated volume fraction of the whole number of particles in the box."""
     ratio = recipe.particle_count * recipe.coated_volume_fraction / recipe.volume_fraction
     return ratio * 4 / 3 * np.pi * (recipe.diameters[0] / 2) ** 3 / recipe.box.volume

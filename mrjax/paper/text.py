@@ -10,7 +10,7 @@ from mrjax.paper.runs import Simulated
 
 
 def rows(cases: Mapping[str, Case], runs: Simulated) -> Iterator[Row]:
-    """The numbers in the order of their kind: the box, velocities, final ratios."""
+    """Yields the rows of the numbers in the text: the box, velocities, final ratios."""
     yield from _box(cases)
     yield from _velocities(cases, runs)
     yield from _final_ratios(cases)
@@ -97,7 +97,7 @@ def _final_ratios(cases: Mapping[str, Case]) -> Iterator[Row]:
 
 
 def _above_measured(case: Case) -> float:
-    """Simulated over measured final ratio, less 1; %."""
+    """Returns the simulated over the measured final ratio, less 1; %."""
     return 100 * (case.final_ratio / case.measured_ratio - 1)
 
 

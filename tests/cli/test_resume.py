@@ -215,13 +215,13 @@ def test_what_a_command_keeps(tmp_path, capsys):
     with pytest.raises(KeyboardInterrupt):
         work(stopped, seed=1)
     assert exit_status.resumable()  # which the line about the interruption says
-    with pytest.raises(mrjax.InputError, match="keeps an unfinished run; go on with --resume"):
+    with pytest.raises(mrjax.InputError, match="holds an unfinished run; go on with --resume"):
         work(seed=1)
     with pytest.raises(mrjax.InputError, match="with seed = 1 there and 2 here"):
         work(go_on=True, seed=2)
     assert list((path / "rest").glob("part.*.npz")) and capsys.readouterr().err == ""
     work(go_on=True, seed=1)
-    assert "Going on with what" in capsys.readouterr().err
+    assert "Going on with the checkpoint" in capsys.readouterr().err
     assert not any(tmp_path.iterdir())
     work(go_on=True, seed=2)  # with nothing there, it begins
 

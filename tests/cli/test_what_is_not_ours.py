@@ -198,7 +198,7 @@ def test_what_a_user_puts_into_a_checkpoint_survives_its_end(tmp_path, capsys):
         work(folder)
     left = {name for name in everything(path) if name != "rest"}
     assert left == {*own, "own", "link", "away"}
-    assert "left there what is not of mrjax: .mrjax-notes, away, link" in capsys.readouterr().err
+    assert "kept files that mrjax did not make: .mrjax-notes, away, link" in capsys.readouterr().err
     for name, text in own.items():
         assert (path / name).read_text() == text
     walk(tmp_path / "other")  # is whole

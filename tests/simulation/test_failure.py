@@ -32,7 +32,7 @@ def failed(state, parameters=SOFT, **given) -> mrjax.SimulationError:
 def goes_on(error: mrjax.SimulationError, folder, **remedy) -> mrjax.Run:
     """From the file that a command leaves."""
     with (
-        pytest.raises(mrjax.SimulationError, match=r"last good state, of .* is in"),
+        pytest.raises(mrjax.SimulationError, match=r"last good state, at .* is in"),
         resume.checkpointed(folder, False, True, seed=0),
     ):
         raise error

@@ -1,6 +1,7 @@
-"""`mrjax simulate`: the command, what is asked of it, the run, its summary and its files.
+"""`mrjax simulate`: the command, its options, the simulation, the summary and the files.
 
-Only `command` and `request` are imported before the command begins: the others import JAX.
+Only `command` and `request` are imported before the command begins, because the other modules
+import JAX.
 """
 
 from mrjax.cli.simulate.command import simulate as simulate

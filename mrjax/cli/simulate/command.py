@@ -14,13 +14,13 @@ from mrjax.simulation.overlap import MOST_OVERLAP, OVERLAP
 
 @click.command(
     epilog=EXIT_STATUS,
-    help="""Follows the particles of a RECIPE, bundled (case1, case2, case3) or a TOML file.
+    help="""Simulates the particles of a RECIPE, bundled (case1, case2, case3) or a TOML file.
 
-    From dispersed to rest: the whole sedimentation curve at the recipe's viscosity, with contacts
-    softened to a greatest overlap (--overlap). With --duration, that long and with the real
-    moduli. Writes summary.json, curve.csv, run.npz (`mrjax.load_run`) and figures; until then, what
-    --resume goes on from in DIR/checkpoint. A run that fails leaves its last good state,
-    last_good_state.npz.
+    The run goes from dispersed to rest: the whole sedimentation curve at the recipe's viscosity,
+    with contacts softened to a largest overlap (--overlap). With --duration, the run has that
+    duration and the real moduli. Writes summary.json, curve.csv, run.npz (`mrjax.load_run`) and
+    figures. Until then DIR/checkpoint has the state from which --resume continues. A failed run
+    leaves its last good state in last_good_state.npz.
 
     \b
     Examples:
@@ -34,20 +34,21 @@ from mrjax.simulation.overlap import MOST_OVERLAP, OVERLAP
 )
 @click.argument("recipe", shell_complete=sheet_names("mrjax.recipe.bundled"))
 @options.out_option("run")
-@click.option("--duration", type=float, metavar="SECONDS", help="Physical time to cover.")
+@click.option("--duration", type=float, metavar="SECONDS", help="Physical time to simulate.")
 @click.option(
     "--time-step",
     type=float,
     metavar="SECONDS",
-    help="Longest step; left out, what the bed is stable at, or with --duration MIN(t_c, t_r)/20 "
-    "(Eq. 29).",
+    help="Longest step. By default the largest stable step of the bed, or with --duration "
+    "MIN(t_c, t_r)/20 (Eq. 29).",
 )
 @click.option(
     "--frames",
     type=click.IntRange(1, 1_000_000),
     default=200,
     show_default=True,
-    help="Times at which the curve is recorded; to rest, in the expected duration.",
+    help="Number of recorded times in the duration; in the expected duration if the run goes to "
+    "rest.",
 )
 @click.option(
     "--overlap",
@@ -55,26 +56,26 @@ from mrjax.simulation.overlap import MOST_OVERLAP, OVERLAP
     default=OVERLAP,
     show_default=True,
     metavar="RADII",
-    help="Greatest overlap of contacts to which they are softened on the way to rest.",
+    help="Largest overlap of the contacts, which are softened accordingly in a run to rest.",
 )
 @click.option(
     "--ensemble",
     type=click.IntRange(1, 10_000),
     default=1,
     show_default=True,
-    help="Number of random starts, with seeds from --seed on, to rest.",
+    help="Number of random starts of runs to rest, with consecutive seeds from --seed.",
 )
 @click.option(
     "--trajectory",
     type=click.Choice(["gsd", "vtk"]),
     multiple=True,
-    help="Writes where all particles are in every frame, for OVITO (gsd) or ParaView (vtk).",
+    help="Writes the positions of all particles in every frame, for OVITO (gsd) or ParaView (vtk).",
 )
 @click.option(
     "--animate",
     type=click.Choice(["gif", "mp4"]),
     multiple=True,
-    help="Writes a film; MP4 needs ffmpeg.",
+    help="Writes an animation; MP4 needs ffmpeg.",
 )
 @options.pdf_option
 @options.distributed_option
@@ -83,10 +84,10 @@ from mrjax.simulation.overlap import MOST_OVERLAP, OVERLAP
 @options.dtype_option
 @options.quiet_option
 @options.json_option
-def simulate(**given: Any) -> None:
-    """Runs a recipe and writes what was observed."""
-    began = time.perf_counter()
-    request = Request(**given)
+def simulate(**options: Any) -> None:
+    """Simulates a recipe and writes the results."""
+    start = time.perf_counter()
+    request = Request(**options)
     environment.start_jax(request.dtype, devices=request.distributed is None)
     from mrjax.cli.simulate import output, summary
     from mrjax.cli.simulate.run import checkpointed, prepared, simulated
@@ -99,6 +100,6 @@ def simulate(**given: Any) -> None:
         made_by = summary.made_by(plan)
         figures = output.figures(plan, result)
         numbers = summary.summary(plan, result, made_by)
-        numbers["wall_seconds"] = time.perf_counter() - began
+        numbers["wall_seconds"] = time.perf_counter() - start
         output.write(plan, result, numbers, figures, made_by)
     output.report(plan, result, numbers)

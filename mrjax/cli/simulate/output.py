@@ -1,4 +1,4 @@
-"""The files that `mrjax simulate` writes, and its lines on the terminal."""
+"""The files that `mrjax simulate` writes, and its output on the terminal."""
 
 from typing import Any
 
@@ -17,7 +17,7 @@ from mrjax.laws import dimensionless
 
 
 def figures(plan: Plan, result: Result) -> dict[str, Figure]:
-    """The figures by the names of their files."""
+    """Draws the figures; returns them by the names of their files."""
     if result.to_rest is None:
         return {"settling": drawing.settling(result.initial, plan.parameters)}
     first = result.runs[0]
@@ -39,13 +39,14 @@ def write(
     figures: dict[str, Figure],
     made_by: dict[str, Any],
 ) -> None:
-    """Writes all files of the results.
+    """Writes all result files.
 
     Args:
-      plan, result: the run.
-      numbers: `summary.summary`.
-      figures: by the names of their files.
-      made_by: kept with the run, its trajectory and the figures.
+      plan: decisions before the run.
+      result: the runs.
+      numbers: content of summary.json, from `summary.summary`.
+      figures: figures by the names of their files.
+      made_by: provenance, which is stored with the run, its trajectory and the figures.
     """
     request, folder, runs = plan.request, plan.folder, result.runs
     files.write_json(folder / "summary.json", numbers)
@@ -68,7 +69,7 @@ def write(
 
 
 def report(plan: Plan, result: Result, numbers: dict[str, Any]) -> None:
-    """Prints warnings, and the summary as JSON or in words."""
+    """Prints warnings, and the summary as JSON or as sentences."""
     request = plan.request
     for warning in numbers["warnings"]:
         echo(f"mrjax: warning: {warning}", err=True)
@@ -92,8 +93,8 @@ def report(plan: Plan, result: Result, numbers: dict[str, Any]) -> None:
             f"%{spread} of the height; contacts softened to {numbers['deepest_overlap_radii']:.2g} "
             f"radii, moduli by a factor of {numbers['softening']:.2g}."
         )
-    described = dimensionless.in_words(summary.dimensionless_numbers(plan, result))
-    echo(f"Numbers, and where the model holds: {described}.")
+    ranges = dimensionless.in_words(summary.dimensionless_numbers(plan, result))
+    echo(f"Dimensionless numbers, with the ranges in which the model holds: {ranges}.")
     steps, step = result.run.steps, result.run.time_step
     echo(f"{steps} steps of {step:.3g} s on {jax.default_backend()}.")
     echo(f"Results: {plan.folder}")

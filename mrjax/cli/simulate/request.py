@@ -3,17 +3,17 @@
 from dataclasses import dataclass
 
 Processes = tuple[str | None, int | None, int | None]
-"""Address, count and number, or three times None for those of a cluster's scheduler."""
+"""Address, count and id of a process; three times None to ask the scheduler of a cluster."""
 
 
 @dataclass(frozen=True)
 class Request:
-    """A run as the command line asks for it."""
+    """The options and arguments of the command."""
 
     recipe: str
     out: str
     duration: float | None
-    """Physical time, s; None: to rest."""
+    """Physical time, s; None for a run to rest."""
     time_step: float | None
     frames: int
     overlap: float
@@ -30,12 +30,12 @@ class Request:
 
     @property
     def to_rest(self) -> bool:
-        """True without a duration."""
+        """True for a run to rest, that is without a duration."""
         return self.duration is None
 
     @property
     def records_trajectory(self) -> bool:
-        """True if a file of positions or a film is asked for."""
+        """True if a trajectory file or an animation is requested."""
         return bool(self.trajectory or self.animate)
 
     @property

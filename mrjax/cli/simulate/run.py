@@ -1,4 +1,4 @@
-"""The run that `mrjax simulate` asks for: what is decided before it, and what comes out."""
+"""The simulation of `mrjax simulate`: the decisions before it, and its results."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -21,14 +21,14 @@ from mrjax.recipe import contacts
 from mrjax.simulation import processes
 
 STEADY_AFTER = 10.0
-"""Relaxation times after which a velocity is steady to 5e-5."""
+"""Number of relaxation times after which a velocity is steady to 5e-5."""
 WRITES = ("summary.json", "curve.csv", "run.npz", "settling.png")
 """Files that every call writes."""
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Decisions before a run."""
+    """The decisions before a simulation."""
 
     request: Request
     sheet: Recipe
@@ -36,7 +36,7 @@ class Plan:
     relaxation_time: float
     """Relaxation time of the slowest particle, s."""
     folder: Path
-    """For the results."""
+    """Folder of the results."""
     progress: bool
     """True if this process shows progress bars."""
 
@@ -48,7 +48,7 @@ class Plan:
 
     @property
     def notes(self) -> list[str]:
-        """Remarks on the sheet and on the length of the run."""
+        """Notes on the sheet and on the length of the run."""
         notes, duration = self.sheet.notes + self.sheet.contact_notes, self.request.duration
         if duration is not None and not self.steady:
             notes.append(
@@ -64,17 +64,17 @@ class Result:
     """The runs of one call."""
 
     start: State
-    """The first of the random suspensions."""
+    """The first random suspension."""
     initial: Run
-    """Beginning of the settling, with the real moduli; all of it with --duration."""
+    """The first part of the settling, with the real moduli; with --duration, the whole run."""
     velocity: float
     """Initial settling velocity, m/s."""
     to_rest: Sedimentation | None
-    """The whole curve; None with --duration."""
+    """The whole sedimentation curve; None with --duration."""
 
     @property
     def run(self) -> Run:
-        """The run that is written: to rest, with a leading axis of random starts, or `initial`."""
+        """The run for run.npz: to rest, with a leading axis of random starts, or `initial`."""
         return self.initial if self.to_rest is None else self.to_rest.run
 
     @cached_property
@@ -87,18 +87,18 @@ class Result:
 
 
 def prepared(request: Request) -> Plan:
-    """Joins the other processes, reads the sheet, and makes the folder for the results.
+    """Joins the other processes, reads the sheet, and makes the folder of the results.
 
     Raises:
-      click.UsageError: options that exclude each other.
-      InputError: a sheet or a value that cannot be used.
+      click.UsageError: two options exclude each other.
+      InputError: the sheet or a value cannot be used.
       SystemRefusal: the folder cannot be made or written to.
     """
     if request.distributed is not None:
         if not request.to_rest:
             raise click.UsageError("--distributed divides an --ensemble: leave out --duration")
         if request.resume:
-            raise click.UsageError("--resume is of a single process: leave out --distributed")
+            raise click.UsageError("--resume works in a single process: leave out --distributed")
         processes.join(*request.distributed)
         environment.find_devices()
     sheet = processes.by_first(lambda: Recipe.load(request.recipe))
@@ -124,9 +124,10 @@ def prepared(request: Request) -> Plan:
 
 @contextmanager
 def checkpointed(plan: Plan) -> Iterator[Path | None]:
-    """The folder of checkpoints while the results are not written; None for several processes.
+    """Context with the checkpoint folder, until the results are written.
 
-    These keep nothing: each would have to be stopped at the same part.
+    It is None for several processes, which have no checkpoints: all of them would have to stop at
+    the same part.
     """
     request = plan.request
     if request.distributed:
@@ -154,7 +155,7 @@ def checkpointed(plan: Plan) -> Iterator[Path | None]:
 
 
 def simulated(plan: Plan, checkpoint: Path | None) -> Result | None:
-    """Runs the recipe; None on processes other than the first, which alone writes results."""
+    """Simulates the recipe; returns None except in the first process, which writes results."""
     request, sheet = plan.request, plan.sheet
     start = mrjax.disperse(sheet, request.seed)
     initial = mrjax.follow(

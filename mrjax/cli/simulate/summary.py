@@ -12,19 +12,19 @@ from mrjax.laws import dimensionless
 
 
 def made_by(plan: Plan) -> dict[str, Any]:
-    """Provenance of the results: lab sheet, seed, versions and, to rest, the overlap."""
+    """Returns the provenance: lab sheet, seed, versions and, for a run to rest, the overlap."""
     request = plan.request
-    described = provenance.made_by(plan.sheet, request.seed, request.dtype)
-    return described | ({"overlap_radii": request.overlap} if request.to_rest else {})
+    origin = provenance.made_by(plan.sheet, request.seed, request.dtype)
+    return origin | ({"overlap_radii": request.overlap} if request.to_rest else {})
 
 
 def dimensionless_numbers(plan: Plan, result: Result) -> tuple[dimensionless.Number, ...]:
-    """Dimensionless numbers of the suspension at its simulated velocity."""
+    """Returns the dimensionless numbers of the suspension at its simulated velocity."""
     return dimensionless.numbers(plan.parameters, result.velocity)
 
 
 def summary(plan: Plan, result: Result, made_by: dict[str, Any]) -> dict[str, Any]:
-    """The content of summary.json, but for the time that it took."""
+    """Returns the content of summary.json, without the wall time."""
     sheet, run = plan.sheet, result.run
     numbers = dimensionless_numbers(plan, result)
     return {
@@ -55,13 +55,13 @@ def summary(plan: Plan, result: Result, made_by: dict[str, Any]) -> dict[str, An
 
 
 def curve(result: Result) -> dict[str, Any]:
-    """The columns of curve.csv."""
+    """Returns the columns of curve.csv."""
     if result.to_rest is None:
-        return _curve_of_run(result.initial)
-    return _curve_of_ensemble(result.to_rest)
+        return _run_curve(result.initial)
+    return _ensemble_curve(result.to_rest)
 
 
-def _curve_of_run(run: Run) -> dict[str, Any]:
+def _run_curve(run: Run) -> dict[str, Any]:
     return {
         "time_s": run.times,
         "mudline_m": run.mudline,
@@ -70,8 +70,8 @@ def _curve_of_run(run: Run) -> dict[str, Any]:
     }
 
 
-def _curve_of_ensemble(whole: Sedimentation) -> dict[str, Any]:
-    """Means over the starts, and the standard error of the ratio where there are several."""
+def _ensemble_curve(whole: Sedimentation) -> dict[str, Any]:
+    """Returns means over the starts, with the standard error of the ratio for several starts."""
     columns = {
         "time_s": whole.run.times[0],
         "mudline_m": whole.run.mudline.mean(axis=0),
@@ -84,17 +84,17 @@ def _curve_of_ensemble(whole: Sedimentation) -> dict[str, Any]:
 
 
 def _at_rest(whole: Sedimentation) -> dict[str, Any]:
-    """The numbers that a run to rest adds to the summary."""
+    """Returns the numbers that a run to rest adds to the summary."""
     final = {name: whole.ratio(name)[:, -1] for name in mrjax.HEIGHTS}
-    # One program each: some 400 would be compiled otherwise.
+    # jit compiles one program for each; without it there would be some 400.
     lines = jax.jit(jax.vmap(mrjax.asymptotes))(whole.run)
 
     @jax.jit
     @jax.vmap
-    def touching(state: State) -> jax.Array:
+    def coordination_number(state: State) -> jax.Array:
         return mrjax.coordination_number(state, whole.parameters, whole.run.box)
 
-    contacts = touching(whole.run.state)
+    contacts = coordination_number(whole.run.state)
     return {
         "final_ratio": final["top"].mean(),
         "final_ratio_standard_error": mrjax.standard_error(final["top"]),
