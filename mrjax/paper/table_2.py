@@ -203,7 +203,8 @@ def _bed_reason(ratios: Array) -> str:
         statistics = f"{float(ratios[0]):.2f}, of one random start"
     return (
         f"{statistics}; dropped without drag as in section 3.1, walls on all sides, top of the "
-        f"highest particle; the friction coefficient, {INFERRED_FRICTION:g}, is inferred, none is given; "
+        f"highest particle; the friction coefficient, {INFERRED_FRICTION:g}, is inferred, none is "
+        "given; "
         f"reproduced means within {FINAL_RATIO_WITHIN:g} points, as starts differ by up to 3"
     )
 
