@@ -1,6 +1,6 @@
 """Draws the picture at the head of the README: `python notebooks/overview.py`.
 
-Readings of a laboratory's tube (`chalk/chalk.csv`) and the curve that was fitted to them.
+It shows readings of a tube in a laboratory (`chalk/chalk.csv`) and the fitted curve.
 """
 
 from pathlib import Path
@@ -17,11 +17,11 @@ INK, BLUE, PALE = "#222222", "#1f5f99", "#bcd4ea"
 LARGE_ENOUGH_FOR_A_PHONE = {"font.size": 12.0, "axes.spines.top": False, "axes.spines.right": False}
 
 
-def draw(found: calibrate.Calibration) -> Figure:
-    """Readings with their errors, the fitted curve, and its band of two standard errors."""
-    (curve,) = found.curves
-    (sample,) = found.experiment.samples
-    rows = found.tables()["predictions"]
+def draw(calibration: calibrate.Calibration) -> Figure:
+    """Draws readings with their errors, and the fitted curve with two standard errors."""
+    (curve,) = calibration.curves
+    (sample,) = calibration.experiment.samples
+    rows = calibration.tables()["predictions"]
     times = curve.times / MINUTE
     figure = Figure(figsize=(6.0, 3.9), layout="constrained")
     axes = figure.subplots()
@@ -36,9 +36,9 @@ def draw(found: calibrate.Calibration) -> Figure:
     )
     axes.plot(times, curve.predicted, color=BLUE, lw=2.0, label="fitted curve")
     axes.errorbar(
-        [one["time_s"] / MINUTE for one in rows],
-        [one["measured"] for one in rows],
-        [one["sigma"] for one in rows],
+        [row["time_s"] / MINUTE for row in rows],
+        [row["measured"] for row in rows],
+        [row["sigma"] for row in rows],
         fmt="o",
         ms=5.5,
         capsize=3,
@@ -57,14 +57,14 @@ def draw(found: calibrate.Calibration) -> Figure:
 
 
 def main() -> None:
-    """Fits the tube and draws it."""
+    """Fits the readings and saves the picture."""
     jax.config.update("jax_enable_x64", True)
     experiment = calibrate.Experiment.load(HERE / "chalk" / "tube.toml")
-    found = calibrate.run(experiment, model="column")
-    for name, error in found.identification.standard_errors.items():
-        print(name, float(found.fit.theta[name]), "±", error)
+    calibration = calibrate.run(experiment, model="column")
+    for name, error in calibration.identification.standard_errors.items():
+        print(name, float(calibration.fit.theta[name]), "±", error)
     with matplotlib.rc_context(LARGE_ENOUGH_FOR_A_PHONE):
-        draw(found).savefig(HERE / "overview.png", dpi=130)
+        draw(calibration).savefig(HERE / "overview.png", dpi=130)
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ class SimulationError(RuntimeError):
     time: float | None = None
     """Time of that state, s from the start of the run."""
     faults: int = 0
-    """Sum of all `Fault`s of that run."""
+    """Sum of all faults (`mrjax.Fault`) of that run."""
 
     def __init__(self, message: object = "") -> None:
         super().__init__(text.in_message(str(message)))

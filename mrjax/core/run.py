@@ -82,7 +82,7 @@ class Run:
     contact law treats a particle as a homogeneous sphere of the coating's material, which holds
     while this ratio is much smaller than 1."""
     fault: Array
-    """Sum of all `Fault`s of the run, (); 0 for a good run."""
+    """Sum of all faults (`Fault`) of the run, (); 0 for a good run."""
     box: Box = field(metadata={"static": True})
     """The container, which the dispersed suspension fills at the start."""
     time_step: float = field(metadata={"static": True})
