@@ -321,7 +321,7 @@ def test_lines_through_the_cells_make_no_new_extremes(law):
     as f~ is no steeper than half a cell in a step.
     """
     flux = kynch.prepare_godunov(kynch.slope_limited(a_flux(law, 0.2, 0.6, 30.0), jnp.asarray(0.5)))
-    faces = jax.jit(scheme._between_faces)
+    faces = jax.jit(scheme._limited_flux)
 
     def euler(fraction):
         return fraction + np.diff(np.pad(faces(flux, fraction, jnp.asarray(0.6)), 1))
@@ -645,7 +645,7 @@ def test_what_cannot_be_is_not_a_number_where_traced(name, value):
         (dict(bed_fraction=1.0), r"bed_fraction = 1 must be above 0 and below 1"),
         (dict(times=[]), r"times have shape \(0,\); give one row"),
         (dict(times=5.0), r"times have shape \(\); give one row"),
-        (dict(times=[0.0]), r"times = \[0\].*give a later last one"),
+        (dict(times=[0.0]), r"times = \[0\].*give a later last time"),
         (dict(times=[-1.0, 2.0]), r"times\[0\] = -1 must be at least 0"),
         (dict(times=[1.0, np.nan]), r"times\[1\] = nan must be at least 0 and finite"),
         (dict(times=[1.0, 2.0, 2.0]), r"times\[2\] = 2 s is not after 2 s; give increasing"),
