@@ -27,8 +27,8 @@ GAUSS_NEWTON_STEPS = 2
 def levels(degrees_of_freedom: float = np.inf) -> dict[str, float]:
     """Increase of chi-squared at the ends of an interval, by its coverage.
 
-    It is the square of Student's t if errors were estimated, since their own uncertainty makes
-    intervals wider, and that of `LEVELS` if errors are stated.
+    For stated errors it is that of `LEVELS`. For estimated errors it is the square of Student's t:
+    their own uncertainty makes intervals wider.
 
     Args:
       degrees_of_freedom: those of the estimated errors; infinite if errors are stated.

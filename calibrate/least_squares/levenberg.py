@@ -3,7 +3,7 @@
 It minimises |r(x)|^2 by steps d that minimise |r + J d| within a ball about x. The radius of the
 ball follows from the ratio of the actual to the expected decrease of the last step (More 1978). Of
 all such steps the shortest is taken. So x does not move along a direction on which r does not
-depend. MINPACK takes any of them, and runs off along such directions.
+depend. MINPACK takes any of these steps, and runs off along such directions.
 """
 
 from collections.abc import Callable, Generator

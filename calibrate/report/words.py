@@ -274,7 +274,7 @@ def misfit_in_words(result: dict[str, Any], language: Language = TERMINAL) -> li
 def _far_off(
     row: dict[str, Any], files: dict[str, dict[str, Any]], text: Callable[[str], str]
 ) -> str:
-    """A reading that stands out in words, with time and line as in its file.
+    """Describes a reading that stands out, with its time and line as in its file.
 
     Args:
       row: its row of `predictions`.

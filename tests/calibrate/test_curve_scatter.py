@@ -83,7 +83,7 @@ def test_as_many_values_as_readings_leave_the_scatter_of_neighbours(tmp_path):
     done = calibrate.run(experiment, model="closed-form")
     scatter = done.problem.experiment.samples[0].curve_scatter
     assert scatter == begun and scatter.source == "assumed"
-    assert "too few are free" in "\n".join(calibrate.report.in_words(done.tables()))
+    assert "too few degrees of freedom" in "\n".join(calibrate.report.in_words(done.tables()))
 
 
 def test_readings_without_noise_have_the_least_that_is_believed(tmp_path):

@@ -247,7 +247,7 @@ def remembers(theta):
         ({"at": TIMES, "labels": ["x"] * 12}, "give one of the two"),
         ({"step": 2.0}, "must be between 0 and 1"),
         ({"readings": READINGS[:2], "errors": None, "predict": lambda theta: by_numpy(theta)[:2]},
-         "2 readings less what is fitted"),
+         "2 readings are too few"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_fitted_is_refused_in_one_line(changes, said):
