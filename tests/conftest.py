@@ -2,6 +2,7 @@
 
 import os
 import signal
+from pathlib import Path
 
 import jax
 import pytest
@@ -12,6 +13,8 @@ from tests.builders.commands import COMPILED
 
 QUICKLY = "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
 """XLA without its optimisations: two thirds of an ordinary run are compilation otherwise."""
+COMPILED_ROOMS = ("dem", "kernel", "physics", "simulation")
+"""Rooms whose tests run whole compiled programs, and are marked `compiled`."""
 
 
 def pytest_addoption(parser):
@@ -28,6 +31,13 @@ def pytest_configure(config):
         os.environ.setdefault("XLA_FLAGS", QUICKLY)
     # What a shell starts in the background ignores Ctrl-C.
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.hookimpl(tryfirst=True)  # before -m chooses
+def pytest_collection_modifyitems(items):
+    for item in items:
+        if item.path.relative_to(Path(__file__).parent).parts[0] in COMPILED_ROOMS:
+            item.add_marker(pytest.mark.compiled)
 
 
 jax.config.update("jax_enable_x64", True)
