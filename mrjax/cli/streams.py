@@ -57,9 +57,9 @@ def guard() -> None:
     for descriptor in (IN, OUT, ERR):
         _occupy(descriptor)
     if sys.stdout is sys.__stdout__:
-        sys.stdout = _guarded(sys.stdout, _Raw(OUT, "standard output", forgiving=False))
+        sys.stdout = _guarded_stream(sys.stdout, _Raw(OUT, "standard output", forgiving=False))
     if sys.stderr is sys.__stderr__:
-        sys.stderr = _guarded(sys.stderr, _Raw(ERR, "standard error", forgiving=True))
+        sys.stderr = _guarded_stream(sys.stderr, _Raw(ERR, "standard error", forgiving=True))
 
 
 def lost_messages() -> bool:
@@ -68,7 +68,7 @@ def lost_messages() -> bool:
     return isinstance(raw, _Raw) and raw.refused
 
 
-def _guarded(own: TextIO | None, raw: _Raw) -> TextIO:
+def _guarded_stream(own: TextIO | None, raw: _Raw) -> TextIO:
     return io.TextIOWrapper(
         io.BufferedWriter(raw),
         encoding="utf-8" if own is None else own.encoding,

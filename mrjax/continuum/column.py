@@ -80,7 +80,7 @@ def column(
       Array([90.9, 56.2], dtype=float64)
     """
     case = Case(parameters, height, volume_fraction, bed_fraction, times, hindrance, compression)
-    case, cells, fewest = _accepted(case, cells)
+    case, cells, fewest = _check(case, cells)
     steps = chosen_steps(fewest) if steps is None else checks.whole(steps, "steps", MOST_STEPS)
     if fewest is not None and steps < fewest * (1.0 - 1e-6):
         raise InputError(
@@ -122,11 +122,11 @@ def column_steps(
       InputError: an argument cannot be used, or is traced by jit or vmap.
     """
     case = Case(parameters, height, volume_fraction, bed_fraction, times, hindrance, compression)
-    _, _, fewest = _accepted(case, cells)
+    _, _, fewest = _check(case, cells)
     return chosen_steps(fewest)
 
 
-def _accepted(case: Case, cells: int) -> tuple[Case, int, float | None]:
+def _check(case: Case, cells: int) -> tuple[Case, int, float | None]:
     """Returns a checked case, its number of cells, and its least number of steps.
 
     The number of steps is None for traced values.

@@ -134,7 +134,7 @@ def godunov_flux(godunov: Godunov, below: Array, above: Array) -> Array:
       above: volume fractions above the faces, of the same shape, which is that of the result.
     """
     (node, low, _), (upper, high, rises) = (
-        _interpolated(godunov.table, side) for side in (below, above)
+        _interpolate(godunov.table, side) for side in (below, above)
     )
     falls = below >= above
     kind, sign = jnp.where(falls, 0, 1), jnp.where(falls, 1.0, -1.0).astype(low.dtype)
@@ -151,7 +151,7 @@ def godunov_flux(godunov: Godunov, below: Array, above: Array) -> Array:
     return sign * jnp.where((count > 0) & (inner < ends), inner, ends)
 
 
-def _interpolated(flux_table: Table, fraction: Array) -> tuple[Array, Array, Array]:
+def _interpolate(flux_table: Table, fraction: Array) -> tuple[Array, Array, Array]:
     """Returns the node at or below a volume fraction, the flux, and True if the flux rises."""
     dense = fraction >= flux_table.initial
     origin = jnp.where(dense, flux_table.initial, 0.0)

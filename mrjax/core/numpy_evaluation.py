@@ -1,4 +1,4 @@
-"""Evaluation of a law written for JAX with numpy.
+"""Evaluation of JAX functions by numpy, without compilation.
 
 For a few numbers, XLA takes longer to compile a law than numpy to evaluate it. The law is traced,
 and numpy does the traced operations one by one. A law with an operation that is not implemented
@@ -29,7 +29,7 @@ def evaluate_with_numpy(law: Callable, *arguments: Any) -> Any:
     traced, shapes = jax.make_jaxpr(law, return_shape=True)(*arguments)
     try:
         with np.errstate(all="ignore"):  # no warning for infinity or NaN, as in JAX
-            results = _evaluated(traced, *jax.tree.leaves(arguments))
+            results = _evaluate(traced, *jax.tree.leaves(arguments))
     except _UnknownError:
         return jax.tree.map(np.asarray, law(*arguments))
     return jax.tree.unflatten(jax.tree.structure(shapes), results)
@@ -39,7 +39,7 @@ class _UnknownError(Exception):
     """An operation that is not implemented here."""
 
 
-def _evaluated(closed: ClosedJaxpr, *arguments: ArrayLike) -> list[np.ndarray]:
+def _evaluate(closed: ClosedJaxpr, *arguments: ArrayLike) -> list[np.ndarray]:
     jaxpr: Jaxpr = closed.jaxpr
     values = dict(zip(jaxpr.constvars, closed.consts, strict=True))
     values |= zip(jaxpr.invars, arguments, strict=True)
@@ -79,7 +79,7 @@ def _apply(equation: JaxprEqn, arguments: list[np.ndarray]) -> list[np.ndarray]:
         case _ if name in REDUCTIONS:
             return [REDUCTIONS[name].reduce(first, axis=params["axes"])]
         case _ if name in CALLS:
-            return _evaluated(params[CALLS[name]], *arguments)
+            return _evaluate(params[CALLS[name]], *arguments)
         case "div" if first.dtype.kind == "f":
             return [np.divide(*arguments)]
         case "integer_pow" if first.dtype.kind == "f":
@@ -103,6 +103,6 @@ def _apply(equation: JaxprEqn, arguments: list[np.ndarray]) -> list[np.ndarray]:
         ):
             fixed, carried = arguments[: params["num_consts"]], arguments[params["num_consts"] :]
             for _ in range(params["length"]):
-                carried = _evaluated(params["jaxpr"], *fixed, *carried)
+                carried = _evaluate(params["jaxpr"], *fixed, *carried)
             return carried
     raise _UnknownError

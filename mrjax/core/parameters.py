@@ -52,7 +52,7 @@ def _quantity(
     return field(metadata={**metadata, "above": above, "least": least, "most": most}, **keywords)
 
 
-def _described(kind: T) -> T:
+def _document(kind: T) -> T:
     """Adds the description, the unit and the default of each leaf to the docstring."""
 
     def line(leaf: dataclasses.Field) -> str:
@@ -64,7 +64,7 @@ def _described(kind: T) -> T:
     return kind
 
 
-@_described
+@_document
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, kw_only=True)
 class Parameters:

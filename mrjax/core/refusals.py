@@ -23,12 +23,12 @@ REMEDIES = {
     errno.EPERM: ELSEWHERE,
     errno.EROFS: ELSEWHERE,
     errno.EISDIR: "take the folder of that name away, or give another folder",
-    errno.EEXIST: "take away what has that name, or give another folder",
+    errno.EEXIST: "take the file of that name away, or give another folder",
     errno.ENOTDIR: "give another folder",
     errno.ENOENT: "give another folder",
     errno.ENAMETOOLONG: "give a shorter name",
     errno.ELOOP: "give a path without links that lead to each other",
-    errno.EPIPE: "have its reader stay to the end",
+    errno.EPIPE: "let its reader read to the end",
     errno.EBADF: "open it, or send it to /dev/null",
 }
 """Remedies for errors of the operating system."""

@@ -38,10 +38,10 @@ def read(path: Path, model: type[M]) -> M | None:
         text = file.read(MOST_BYTES + 1)
     if len(text) > MOST_BYTES:
         raise ForeignError("it is too large")
-    return parsed(text, model)
+    return parse(text, model)
 
 
-def parsed(text: str | bytes, model: type[M]) -> M:
+def parse(text: str | bytes, model: type[M]) -> M:
     """Parses JSON as a model.
 
     Raises:

@@ -87,7 +87,7 @@ def save_run(path: str | Path, run: Run, made_by: Mapping[str, Any]) -> None:
       InputError: the path has another suffix.
       SimulationError: the run has a fault.
     """
-    path = npz.named(path)
+    path = npz.npz_path(path)
     run.check()
     arrays = {name: getattr(run, field) for name, field in RUN_FIELDS.items()}
     arrays["rising"] = np.asarray(run.rising, np.int32)

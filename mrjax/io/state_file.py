@@ -49,7 +49,7 @@ def save_state(path: str | Path, state: State, time: float = 0.0) -> None:
     Raises:
       InputError: the path has another suffix, the state is of several runs, or it is not finite.
     """
-    path = npz.named(path)
+    path = npz.npz_path(path)
     if state.position.ndim != 2:
         raise InputError(
             "these are states of several runs: give one, jax.tree.map(lambda leaf: leaf[0], state)"

@@ -46,7 +46,7 @@ class Case:
 
     @property
     def final_ratio_error(self) -> float | None:
-        """Standard error of `final_ratio`, %; None of a single start."""
+        """Standard error of `final_ratio`, %; None for a single start."""
         ratios = self.runs.final_ratios(self.name)
         return float(standard_error(ratios)) if len(ratios) > 1 else None
 

@@ -102,6 +102,6 @@ def _above_measured(case: Case) -> float:
 
 
 def _error_above_measured(case: Case) -> float | None:
-    """Standard error of `_above_measured`, %; None of a single start."""
+    """Standard error of `_above_measured`, %; None for a single start."""
     error = case.final_ratio_error
     return None if error is None else 100 * error / case.measured_ratio

@@ -60,7 +60,7 @@ class Percentiles:
 
     @property
     def settling_diameter(self) -> float:
-        """Root mean square diameter by volume, m; its Stokes velocity is the mean by mass."""
+        """Diameter of a particle with the mass-averaged Stokes velocity, m."""
         return math.sqrt(float(np.sum(self._moment_parts(2))))
 
     def sample(self, particles: int) -> np.ndarray:
@@ -81,7 +81,7 @@ class Percentiles:
         return np.array([least, self.d10, self.d50, self.d90, largest], float)
 
     def _moment_parts(self, power: int) -> np.ndarray:
-        """Returns the four parts of the mean of d^k by volume, between the nodes, (4,) in m^k."""
+        """Returns the part of each interval of nodes in the mean of d^k by volume, (4,) in m^k."""
         nodes = self._nodes()
         powers, logs = nodes ** float(power), np.log(nodes)
         return np.diff(SHARES) * np.diff(powers) / (power * np.diff(logs))

@@ -55,7 +55,7 @@ class Classes:
 
     @property
     def settling_diameter(self) -> float:
-        """Root mean square diameter by volume, m; its Stokes velocity is the mean by mass."""
+        """Diameter of a particle with the mass-averaged Stokes velocity, m."""
         return math.sqrt(self._mean_power(5) / self._mean_power(3))
 
     def sample(self, particles: int) -> np.ndarray:
@@ -121,7 +121,7 @@ class LogNormal:
 
     @property
     def settling_diameter(self) -> float:
-        """Root mean square diameter by volume, m; its Stokes velocity is the mean by mass."""
+        """Diameter of a particle with the mass-averaged Stokes velocity, m."""
         return self.number_median * math.exp(4.0 * self._log_spread**2)
 
     def sample(self, particles: int) -> np.ndarray:

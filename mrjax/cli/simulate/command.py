@@ -90,11 +90,11 @@ def simulate(**options: Any) -> None:
     request = Request(**options)
     environment.start_jax(request.dtype, devices=request.distributed is None)
     from mrjax.cli.simulate import output, summary
-    from mrjax.cli.simulate.run import checkpointed, prepared, simulated
+    from mrjax.cli.simulate.run import checkpointed, plan_run, simulate_recipe
 
-    plan = prepared(request)
+    plan = plan_run(request)
     with checkpointed(plan) as checkpoint:
-        result = simulated(plan, checkpoint)
+        result = simulate_recipe(plan, checkpoint)
         if result is None:
             return
         made_by = summary.made_by(plan)

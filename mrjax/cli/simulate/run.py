@@ -86,7 +86,7 @@ class Result:
         return [jax.tree.map(lambda leaf, row=row: leaf[row], whole) for row in range(starts)]
 
 
-def prepared(request: Request) -> Plan:
+def plan_run(request: Request) -> Plan:
     """Joins the other processes, reads the sheet, and makes the folder of the results.
 
     Raises:
@@ -154,7 +154,7 @@ def checkpointed(plan: Plan) -> Iterator[Path | None]:
         yield checkpoint
 
 
-def simulated(plan: Plan, checkpoint: Path | None) -> Result | None:
+def simulate_recipe(plan: Plan, checkpoint: Path | None) -> Result | None:
     """Simulates the recipe; returns None except in the first process, which writes results."""
     request, sheet = plan.request, plan.sheet
     start = mrjax.disperse(sheet, request.seed)

@@ -40,7 +40,7 @@ class Checkpoint(PieceStore):
           InputError: the folder is not a checkpoint, or holds other work; the message says what
             differs.
         """
-        current = description.described(work)
+        current = description.describe(work)
         marker = existing_marker(folder)
         if marker is None or marker.done:
             return cls(folder, current)

@@ -91,7 +91,7 @@ class PieceStore:
         path = self.path(name)
         if not _is_file(path):
             return None
-        arrays, described = npz.examined(path, PIECE, sys.maxsize)
+        arrays, described = npz.read_or_damage(path, PIECE, sys.maxsize)
         if (described.work, described.name) != (self.digest, name):
             raise DamagedError(f"{path}: belongs to another piece, or to other work")
         digest = self._piece_digest(name, described.previous, arrays, described.metadata)

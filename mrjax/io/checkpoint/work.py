@@ -19,7 +19,7 @@ NUMERIC_PACKAGES = ("mrjax", "jax", "jaxlib", "llvmlite", "numpy", "scipy")
 """Packages whose version can change the last digits."""
 
 
-def described(work: Mapping[str, Any]) -> dict[str, str]:
+def describe(work: Mapping[str, Any]) -> dict[str, str]:
     """Returns the description of a work, by name, and of the environment."""
     return {**dict(_entries("", work)), **environment()}
 

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from mrjax.core.errors import shown
-from mrjax.io.markers import ForeignError, parsed
+from mrjax.io.markers import ForeignError, parse
 from mrjax.io.npz.schema import DamagedError, Schema
 
 M = TypeVar("M", bound=BaseModel)
@@ -96,10 +96,10 @@ def read_metadata(archive: zipfile.ZipFile, entry: Entry, schema: Schema[M]) -> 
     """Reads the JSON entry as the model of the schema."""
     if entry.shape or entry.dtype.kind != "U" or entry.dtype.itemsize > MOST_METADATA:
         raise DamagedError("its metadata are not text")
-    raw = b"".join(_unpacked(archive, entry))
+    raw = b"".join(_read_blocks(archive, entry))
     byte_order = "utf-32-be" if entry.dtype.str.startswith(">") else "utf-32-le"
     try:
-        return parsed(raw.decode(byte_order).rstrip("\0"), schema.metadata)
+        return parse(raw.decode(byte_order).rstrip("\0"), schema.metadata)
     except ForeignError as error:
         raise DamagedError(f"its metadata: {error}") from None
 
@@ -110,14 +110,14 @@ def read_numbers(archive: zipfile.ZipFile, entry: Entry) -> np.ndarray:
         raise DamagedError(f"{shown(entry.name)} is text")
     buffer = np.empty(entry.info.file_size - entry.offset, np.uint8)
     filled = 0
-    for block in _unpacked(archive, entry):
+    for block in _read_blocks(archive, entry):
         buffer[filled : filled + len(block)] = np.frombuffer(block, np.uint8)
         filled += len(block)
     array = buffer.view(entry.dtype).reshape(entry.shape, order=entry.order)
     return array.astype(entry.dtype.newbyteorder("="), copy=False)
 
 
-def _unpacked(archive: zipfile.ZipFile, entry: Entry) -> Iterator[bytes]:
+def _read_blocks(archive: zipfile.ZipFile, entry: Entry) -> Iterator[bytes]:
     """Yields the bytes of an array, in blocks; compares their number and their checksum."""
     remaining = entry.info.file_size - entry.offset
     with archive.open(entry.info) as stored:

@@ -40,12 +40,14 @@ def read(
         or holds more than `max_bytes`.
     """
     try:
-        return examined(path, schema, max_bytes)
+        return read_or_damage(path, schema, max_bytes)
     except DamagedError as damage:
         raise InputError(f"{damage}; give {schema.description}") from None
 
 
-def examined(path: Path, schema: Schema[M], max_bytes: int) -> tuple[dict[str, np.ndarray], M]:
+def read_or_damage(
+    path: Path, schema: Schema[M], max_bytes: int
+) -> tuple[dict[str, np.ndarray], M]:
     """Reads as `read` does, with an error of its own for a damaged file.
 
     Raises:
@@ -56,7 +58,7 @@ def examined(path: Path, schema: Schema[M], max_bytes: int) -> tuple[dict[str, n
         if not stat.S_ISREG(path.stat().st_mode):  # a pipe would block
             raise InputError(f"{path}: is not a file that mrjax wrote, nor any file; give another")
         with path.open("rb") as file:
-            return _parsed(file, schema, max_bytes)
+            return _parse(file, schema, max_bytes)
     except InputError:
         raise
     except FileNotFoundError:
@@ -88,7 +90,7 @@ def refuse_beyond_single(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
             )
 
 
-def _parsed(file: Any, schema: Schema[M], max_bytes: int) -> tuple[dict[str, np.ndarray], M]:
+def _parse(file: Any, schema: Schema[M], max_bytes: int) -> tuple[dict[str, np.ndarray], M]:
     """Reads directory, headers, metadata and numbers; each is checked before the next is read."""
     length = os.fstat(file.fileno()).st_size
     try:

@@ -13,7 +13,7 @@ from mrjax.io import files
 from mrjax.io.npz.archive import METADATA
 
 
-def named(path: str | Path) -> Path:
+def npz_path(path: str | Path) -> Path:
     """Returns the path of a file to be written.
 
     Raises:
