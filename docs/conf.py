@@ -31,6 +31,8 @@ extensions = [
 ]
 html_theme = "furo"
 html_title = f"mrjax {version}"
+html_static_path = ["_static"]
+html_css_files = ["narrow.css"]
 
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3
