@@ -23,25 +23,18 @@ def written() -> dict[tuple[str, str, str], list[str]]:
 
 
 @suites
-def test_every_row_keeps_its_bar(title):
+def test_every_row_keeps_its_bar_and_the_page_shows_it(title, written):
+    """In one test with its figures: a suite takes minutes, and is computed once in a process."""
     rows = page.rows(title)
     assert len(rows) > 10
     left = [page.cells(row) for row in rows if not row.passes]
     assert not left
-
-
-@suites
-def test_the_page_shows_what_is_computed(title, written):
-    for row in page.rows(title):
+    for row in rows:
         cells, scale = written[row.case, row.quantity, row.source], row.scale or row.reference
         assert abs(float(cells[2]) - row.reference) <= 1e-4 * abs(row.reference)  # five digits
         # Rounding of another machine may move a number by far less than its bar.
         moved = 0.1 * (row.bar or 1e-2) * abs(scale) + 1e-4 * abs(row.computed)
         assert abs(float(cells[3]) - row.computed) <= moved
-
-
-@pytest.mark.slow
-def test_the_page_shows_its_figures():
-    for name in page.figures():
+    for name in page.SUITES[title].figures():
         assert f"({name}.png)" in PAGE.read_text("utf-8")
         assert (PAGE.parent / f"{name}.png").stat().st_size > 5000
