@@ -23,6 +23,7 @@ PAGES = [
     ROOT / "CONTRIBUTING.md",
     *sorted((ROOT / "docs").rglob("*.md")),
 ]
+REPRODUCTION = (ROOT / "docs" / "explanations" / "reproduction.md").read_text("utf-8")
 MARKS = {"slow", "not run", "parsed", "file"}
 MARK = re.compile(r"<!--\s*([a-z ]+?)\s*(?::\s*(.*?)\s*)?-->")
 
@@ -79,3 +80,8 @@ def _output(after: list[Token]) -> str | None:
     if after and after[0].type == "fence" and after[0].info.strip() == "text":
         return after[0].content
     return None
+
+
+def reproduced_rows(page: str) -> list[str]:
+    """Rows of the table of reproduced numbers on a page."""
+    return [line for line in page.splitlines() if line.startswith(("| case", "| Eq"))][1:]

@@ -20,6 +20,7 @@ from mrjax.paper.dry_beds import INFERRED_FRICTION, dropped
 from mrjax.paper.eq_14 import HABERMAN_SAYRE_EXACT
 from mrjax.paper.row import as_tables
 from mrjax.paper.row import row as make_row
+from tests.builders.pages import REPRODUCTION, reproduced_rows
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 
@@ -57,6 +58,21 @@ def test_a_printed_number(rows, case, quantity, printed, computed, status):
     assert row.computed == near(computed, rel=1e-4)
     assert row.status == status
     assert row.reason or status == "reproduced"
+
+
+def test_the_page_has_the_rows_that_the_command_gives(rows):
+    stated = reproduced_rows(REPRODUCTION)
+    assert len(stated) == 12
+    for line in stated:
+        case, quantity, printed, computed, unit, status = line.strip("| ").split(" | ")
+        row = rows[case, quantity]
+        assert (printed, unit) == (f"{row.printed:g}", row.unit)
+        if quantity.startswith("final"):
+            # A mean of three starts there, one start here; single ones differ by up to 3 points.
+            mean, _, error = computed.partition(" ± ")
+            assert float(mean) == pytest.approx(row.computed, abs=3.9) and float(error) < 1.0
+        else:
+            assert (computed, status) == (f"{row.computed:.6g}", row.status)
 
 
 def test_the_slips_are_explained_by_numbers(rows):

@@ -65,7 +65,8 @@ def typed(tmp_path_factory) -> tuple[Path, str]:
 
 @pytest.mark.slow
 @installed
-def test_it_ends_in_the_files_and_figures_it_names(typed):
+def test_it_ends_in_the_files_figures_and_numbers_it_names(typed):
+    """One test, as its commands take minutes, and two may be given to two processes."""
     folder, said = typed
     named = set(re.findall(r"`((?:simulated|fitted)/[\w.]+)`", SECTION))
     assert len(named) == 4
@@ -84,12 +85,11 @@ def test_it_ends_in_the_files_and_figures_it_names(typed):
         "Report: fitted/report.html",
     ):
         assert line in said
+    refuse_other_numbers(folder)
 
 
-@pytest.mark.slow
-@installed
-def test_it_ends_in_the_numbers_it_names(typed):
-    folder, _ = typed
+def refuse_other_numbers(folder: Path) -> None:
+    """Holds the results in a folder against the numbers of the section."""
     summary = json.loads((folder / "simulated" / "summary.json").read_text("utf-8"))
     assert f"fall by {summary['settling_velocity_mm_per_day']:.2f} mm/day" in SECTION
     # A bed's height is that of its start, and differs by a point or two elsewhere.
