@@ -13,8 +13,12 @@ from tests.builders.commands import COMPILED
 
 QUICKLY = "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
 """XLA without its optimisations: two thirds of an ordinary run are compilation otherwise."""
-COMPILED_ROOMS = ("dem", "kernel", "physics", "simulation")
-"""Rooms whose tests run whole compiled programs, and are marked `compiled`."""
+COMPILED_ROOMS = ("kernel", "physics", "simulation")
+"""Rooms whose tests run whole compiled programs, and are marked `compiled`.
+
+These programs contain the rooms below, laws and `dem` above all. The slow tests of every room are
+compiled as the programs of users are, too.
+"""
 
 
 def pytest_addoption(parser):

@@ -1,6 +1,7 @@
 """Calls that are interrupted: `python interrupted.py CALL TIMES` prints how long each took to end.
 
-Ctrl-C comes at a random moment after compilation, as a signal to the process.
+Ctrl-C comes at a random moment after compilation, as a signal to the process: within a second,
+in which there are several pieces.
 """
 
 import os
@@ -80,4 +81,4 @@ if __name__ == "__main__":
     pieces.PiecewiseRun._piece = told
     chance = random.Random(0)
     for _ in range(times):
-        print(interrupted(call, chance.uniform(0.5, 3.0), compiled), flush=True)
+        print(interrupted(call, chance.uniform(0.5, 1.5), compiled), flush=True)

@@ -1,6 +1,7 @@
 """Fits that are interrupted: `python interrupted_fits.py CALL TIMES` prints how long each took.
 
-Ctrl-C comes at a random moment after compilation, as a signal to the process.
+Ctrl-C comes at a random moment after compilation, as a signal to the process: within two seconds,
+a run of the model or more.
 """
 
 import os
@@ -106,4 +107,4 @@ if __name__ == "__main__":
         interrupted(call, 20.0)  # what it needs is compiled by then
     chance = random.Random(0)
     for _ in range(int(sys.argv[2])):
-        print(interrupted(call, chance.uniform(0.5, 4.5)), flush=True)
+        print(interrupted(call, chance.uniform(0.5, 2.5)), flush=True)
