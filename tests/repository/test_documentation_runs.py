@@ -50,6 +50,7 @@ BUNDLED = {
     "experiment": "calibrate.experiment.bundled",
 }
 """Arguments that are the name of what is bundled, or a TOML file, and the packages of those."""
+NAMED = re.compile(r"`((?:tests|mrjax|calibrate|docs|notebooks)/[\w./-]+)`")
 NUMBER = re.compile(r"\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 BLOCKS = [block for page in pages.PAGES for block in pages.blocks(page)]
@@ -67,6 +68,12 @@ def test_a_block_says_what_it_is(block):
     assert set(block.marks) <= pages.MARKS, f"{block.place}: the comments are {pages.MARKS}"
     for mark in ("not run", "file"):
         assert block.marks.get(mark, "given"), f"{block.place}: <!-- {mark}: ... --> what?"
+
+
+@every_page
+def test_files_that_a_page_names_are_there(page):
+    named = re.findall(NAMED, page.read_text("utf-8"))
+    assert not [name for name in named if not (ROOT / name).exists()]
 
 
 @every_page
