@@ -20,6 +20,7 @@ from .core.errors import InputError as InputError
 from .core.errors import SimulationError as SimulationError
 from .core.errors import SystemRefusal as SystemRefusal
 from .core.parameters import Parameters as Parameters
+from .core.quantities import quantity as quantity
 from .core.run import Fault as Fault
 from .core.run import Run as Run
 from .core.state import ContactHistory as ContactHistory
@@ -33,6 +34,12 @@ from .dem.contact_list import Touching as Touching
 from .dem.contact_list import contact_forces as contact_forces
 from .dem.contact_list import coordination_number as coordination_number
 from .dem.contact_list import normal_forces as normal_forces
+from .dem.forces.contact import Contact as Contact
+from .dem.forces.force import BodyForce as BodyForce
+from .dem.forces.force import PairForce as PairForce
+from .dem.forces.force import Particles as Particles
+from .dem.forces.force import Wrench as Wrench
+from .dem.forces.gravity import Gravity as Gravity
 from .io.run_file import load_run as load_run
 from .io.run_file import save_run as save_run
 from .io.state_file import load_state as load_state

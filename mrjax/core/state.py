@@ -3,6 +3,7 @@
 `place` makes one from arrays.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from numbers import Real
 
@@ -36,6 +37,21 @@ class ContactHistory:
     """Tangential displacement of the particle's surface against its partner's, (N, S, 3) in m."""
     rolling: Array | None
     """Angle rolled on the partner, (N, S, 3) in rad."""
+    named: dict[str, Array] = field(default_factory=dict)
+    """What further forces remember, by name: (N, S, 3) vectors or (N, S) numbers."""
+
+    @staticmethod
+    def of_names(partner: Array, by_name: Mapping[str, Array]) -> "ContactHistory":
+        """The history with these memories, by name."""
+        named = dict(by_name)
+        sliding, rolling = named.pop("sliding", None), named.pop("rolling", None)
+        return ContactHistory(partner, sliding, rolling, named)
+
+    @property
+    def by_name(self) -> dict[str, Array]:
+        """All that is remembered, by name."""
+        own = {"sliding": self.sliding, "rolling": self.rolling}
+        return {name: rows for name, rows in own.items() if rows is not None} | self.named
 
 
 Contacts = ContactHistory
@@ -84,11 +100,12 @@ def widened(contacts: ContactHistory | None, slots: int) -> ContactHistory | Non
         return None
     padding = ((0, 0), (0, slots - contacts.partner.shape[1]))
 
-    def wide(rows: Array | None) -> Array | None:
-        return None if rows is None else jnp.pad(rows, (*padding, (0, 0)))
+    def wide(rows: Array) -> Array:
+        return jnp.pad(rows, (*padding, (0, 0))[: rows.ndim])
 
     partner = jnp.pad(contacts.partner, padding, constant_values=NOBODY)
-    return ContactHistory(partner, wide(contacts.sliding), wide(contacts.rolling))
+    by_name = {name: wide(rows) for name, rows in contacts.by_name.items()}
+    return ContactHistory.of_names(partner, by_name)
 
 
 def place(

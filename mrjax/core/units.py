@@ -32,6 +32,10 @@ class Units:
         return self.length / self.time
 
 
+SI = Units(mass=1.0, length=1.0, time=1.0)
+"""No reduction."""
+
+
 def time_in_words(seconds: float) -> str:
     """Returns a duration as text, with its unit."""
     for unit, length in (("days", 86400.0), ("h", 3600.0), ("min", 60.0)):

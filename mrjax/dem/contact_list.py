@@ -1,5 +1,6 @@
 """Contacts at one moment: how many, and what they exert."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -17,15 +18,19 @@ from mrjax.core.tracing import drop_tracers, evaluated_or_none, value_or_none
 from mrjax.core.units import Units
 from mrjax.dem import contact_history, neighbours, schedule
 from mrjax.dem.contact_history import ParticleHistory
-from mrjax.dem.forces import ContactForces, active_laws, contact_law
+from mrjax.dem.force_bounds import plan_reach
+from mrjax.dem.forces import Force
+from mrjax.dem.pair_forces import PairForces, PairForceSums, memory_of
 from mrjax.dem.pairs import WALL_COUNT, Pairs, list_pairs
-from mrjax.dem.plan import EngineSettings
-from mrjax.dem.reduced_units import reduced_parameters, reduced_state
+from mrjax.dem.plan import EngineSettings, Matter, System
+from mrjax.dem.reduced_units import reduced_forces, reduced_parameters, reduced_state
 from mrjax.laws import effective, normal, particle
 
 
-def contact_forces(state: State, parameters: Parameters, box: Box) -> tuple[Array, Array]:
-    """Force and torque of its contacts on every particle, dissipation and walls included.
+def contact_forces(
+    state: State, parameters: Parameters, box: Box, *, forces: Sequence[Force] | None = None
+) -> tuple[Array, Array]:
+    """Force and torque of its pairs on every particle, dissipation and walls included.
 
     Works under `jit` and `grad` where the state brings its contact diameter; NaN where the
     particles of a traced call are packed denser than there is room for.
@@ -33,16 +38,17 @@ def contact_forces(state: State, parameters: Parameters, box: Box) -> tuple[Arra
     Args:
       state: a moment of a run; its contacts remember how far their springs are stretched.
       parameters, box: those of the run.
+      forces: those of the run; of them the forces between pairs are summed. Left out, contact.
 
     Returns:
       forces, (N, 3) in N, and torques about the centres, (N, 3) in N m.
 
     Raises:
-      InputError: parameters that do not fit the state.
+      InputError: parameters that do not fit the state, or something that is no force.
     """
-    pairs, forces, units = _moment(state, parameters, box)
-    force = units.scale((1, 1, -2)) * forces.force.T
-    torque = units.scale((1, 2, -2)) * forces.torque.T
+    pairs, sums, units = _moment(System.of(state, parameters, box, forces=forces))
+    force = units.scale((1, 1, -2)) * sums.force.T
+    torque = units.scale((1, 2, -2)) * sums.torque.T
     sound = jnp.where(pairs.overflow == 0, 1.0, jnp.nan).astype(force.dtype)
     return sound * force, sound * torque
 
@@ -60,8 +66,8 @@ def coordination_number(state: State, parameters: Parameters, box: Box) -> Array
     Raises:
       InputError: parameters that do not fit the state.
     """
-    pairs, forces, _ = _moment(state, parameters, box)
-    touch = forces.deepest > 0.0
+    pairs, sums, _ = _moment(System.of(state, parameters, box))
+    touch = sums.deepest > 0.0
     if pairs.wall is not None:
         touch &= ~pairs.wall
     count = touch.astype(jnp.int32)
@@ -95,10 +101,10 @@ def normal_forces(state: State, parameters: Parameters, box: Box) -> ContactList
     Raises:
       InputError: parameters that do not fit the state.
     """
-    pairs, forces, units = _moment(state, parameters, box)
+    pairs, sums, units = _moment(System.of(state, parameters, box))
     reduced = parameters.reduced(units).astype(state.position.dtype)
     separation = np.stack([np.asarray(part) for part in pairs.separation], axis=1)
-    touch = np.asarray(forces.deepest > 0.0)
+    touch = np.asarray(sums.deepest > 0.0)
     velocity = np.asarray(state.velocity) / units.velocity
     walls = np.zeros((WALL_COUNT, 3), velocity.dtype)
     partner_velocity = np.concatenate([velocity, walls])[np.asarray(pairs.second)]
@@ -106,7 +112,7 @@ def normal_forces(state: State, parameters: Parameters, box: Box) -> ContactList
     approach = (separation * (velocity[np.asarray(pairs.first)] - partner_velocity)).sum(axis=1)
     properties = effective.per_pair(reduced, state.material, *pairs.surfaces)
     force = normal.normal_force(
-        forces.deepest,
+        sums.deepest,
         jnp.asarray(-approach / np.where(distance > 0.0, distance, 1.0)),
         properties.modulus,
         properties.radius,
@@ -122,30 +128,39 @@ def normal_forces(state: State, parameters: Parameters, box: Box) -> ContactList
     )
 
 
-def _moment(state: State, parameters: Parameters, box: Box) -> tuple[Pairs, ContactForces, Units]:
-    """The contacts of a moment and what they exert, in reduced units."""
-    checks.require_run_inputs(state, parameters, box)
-    checks.refuse_bad_parameters(parameters, state.particles, state.material)
+def _moment(system: System) -> tuple[Pairs, PairForceSums, Units]:
+    """The pairs of a moment and what they exert, in reduced units."""
+    state, parameters, _, box, _ = system
+    checks.refuse_bad_parameters(
+        parameters, state.particles, state.material, contacts=system.in_contact
+    )
     radius = evaluated_or_none(particle.outer_radius, drop_tracers(parameters))
     diameter = schedule.contact_diameter(state, radius, slack=0.0)
     checks.refuse_close_walls(box, diameter)
-    length = diameter / 2
+    length, reach = diameter / 2, plan_reach(system)
     units = Units(mass=1000.0 * length**3, length=length, time=length)
-    reduced = reduced_parameters(parameters, units, state)
+    matter = Matter(
+        reduced_parameters(parameters, units, state),
+        state.material,
+        None,
+        reduced_forces(system.forces, units, state),
+    )
     settings = EngineSettings(
         box=box.scaled(1 / units.length),
-        neighbour_list=schedule.plan_neighbour_list(state, radius, box, diameter, skin=0.0),
+        neighbour_list=schedule.plan_neighbour_list(
+            state, radius, box, diameter, skin=0.0, reach=max(reach, default=0.0)
+        ),
         steps=1,
-        laws=active_laws(parameters),
+        reach=tuple(gap / length for gap in reach),
         trajectory=False,
     )
     while True:
         slots = settings.neighbour_list.capacity + 2 * len(box.walled_axes)
-        moment = reduced_state(state, units, slots, settings.laws)
-        pairs, forces = _exerted(*moment, reduced, state.material, settings=settings)
+        moment = reduced_state(state, units, slots, memory_of(matter.pair_forces))
+        pairs, sums = _exerted(*moment, matter, settings=settings)
         overflow = value_or_none(pairs.overflow)
         if overflow is None or not overflow:
-            return pairs, forces, units
+            return pairs, sums, units
         grown = settings.neighbour_list.grown(int(overflow), state.particles)
         settings = replace(settings, neighbour_list=grown)
 
@@ -156,19 +171,24 @@ def _exerted(
     velocity: Array,
     spin: Array,
     history: ParticleHistory,
-    parameters: Parameters,
-    material: Array | None,
+    matter: Matter,
     *,
     settings: EngineSettings,
-) -> tuple[Pairs, ContactForces]:
+) -> tuple[Pairs, PairForceSums]:
     """The pairs of a moment, and what they exert; in reduced units, as one program."""
-    plan, box = settings.neighbour_list, settings.box
+    plan, box, parameters = settings.neighbour_list, settings.box, matter.parameters
     radii = jnp.broadcast_to(particle.outer_radius(parameters), position.shape[1:])
-    skin = plan.cutoff - 2.0 * jnp.max(radii)
+    listed_gap = plan.cutoff - 2.0 * jnp.max(radii)
     around = neighbours.build(plan, box, position.T)
-    pairs = list_pairs(around, box, position, radii, skin, plan.pairs)
-    law = contact_law(parameters, laws=settings.laws, material=material, time_step=0.0)
-    forces = law(pairs)(
+    pairs = list_pairs(around, box, position, radii, listed_gap, plan.pairs)
+    law = PairForces(
+        matter.pair_forces,
+        parameters,
+        reach=settings.reach,
+        material=matter.material,
+        time_step=0.0,
+    )
+    sums = law.on(pairs)(
         jnp.zeros_like(position),
         velocity,
         spin,
@@ -176,4 +196,4 @@ def _exerted(
         jnp.zeros_like(position, shape=plan.pairs),
         jnp.ones_like(position, shape=2),
     )
-    return pairs, forces
+    return pairs, sums

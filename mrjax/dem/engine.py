@@ -20,21 +20,21 @@ from mrjax.core.units import Units
 from mrjax.dem import integrator, neighbours, stability
 from mrjax.dem import pairs as pair_list
 from mrjax.dem.contact_history import (
-    PairHistory,
+    History,
     ParticleHistory,
     pairs_from_particles,
     particles_from_pairs,
 )
-from mrjax.dem.forces import contact_law, net_weight
+from mrjax.dem.forces import Particles
 from mrjax.dem.integrator import Kick
-from mrjax.dem.pairs import Pairs
+from mrjax.dem.kinematics import PairKinematics, ParticleState, pair_kinematics
+from mrjax.dem.pair_forces import PairForces, total_stiffness
+from mrjax.dem.pairs import WALL_COUNT, Pairs
 from mrjax.dem.plan import EngineSettings, Matter
 from mrjax.dem.stability import ModeEstimate
-from mrjax.laws import effective, particle
+from mrjax.laws import particle
 from mrjax.laws.hindrance import hindered_parameters
 
-MAX_OVERLAP = 0.25
-"""Overlap, as a fraction of the radius, beyond which Hertz's law is not a description."""
 SPEED_MARGIN = 2.0
 """Safety factor on speed when deciding whether the list survives the next interval. A particle that
 becomes faster still outruns the list, which is a fault of the run."""
@@ -48,7 +48,7 @@ class Motion(NamedTuple):
     travelled: Array  # since then, (3, N)
     velocity: Array  # (3, N)
     spin: Array  # (3, N)
-    history: PairHistory
+    history: History
     overlap: Array  # deepest of each particle so far, (N,)
     mode: ModeEstimate
     fault: Array  # ()
@@ -93,7 +93,9 @@ class StepCoefficients(NamedTuple):
     keep: Array  # share of a velocity that drag leaves
     keep_spin: Array
     gains: Array  # by which forces and torques become changes of velocity and spin
-    falling: Array  # added by the net weight, (3, N)
+    falling: Array  # added by forces that do not change, (3, N)
+    gain: Array  # by which a force becomes a change of velocity, () or (N,)
+    gain_spin: Array  # and a torque one of spin
 
 
 class Steps(NamedTuple):
@@ -102,7 +104,7 @@ class Steps(NamedTuple):
     half_way: Array  # displacements since the list was built, in the middle of the step, (3, N)
     velocity: Array  # (3, N)
     spin: Array  # (3, N)
-    history: PairHistory
+    history: History
     deepest: Array  # overlap of each pair so far, (P,)
     farthest: Array  # greatest square of the displacements, (N,)
 
@@ -125,14 +127,25 @@ class Engine:
         self.particles, self.dtype = particles, dtype
         parameters = matter.parameters
         self.coated = particle.coated_particle(parameters)
-        self.contact_law = contact_law(
-            parameters, laws=settings.laws, material=matter.material, coated=self.coated
+        self.pair_forces = PairForces(
+            matter.pair_forces,
+            parameters,
+            reach=settings.reach,
+            material=matter.material,
+            coated=self.coated,
         )
-        self.net_weight = net_weight(parameters, particles)
+        self.steady_force = self._steady_force()
+        self.moving_forces = [force for force in matter.body_forces if not force.steady]
         self.radius = per_particle(self.coated.radius, particles)
-        self.skin_left = settings.neighbour_list.cutoff - 2.0 * jnp.max(self.radius)
+        self.listed_gap = settings.neighbour_list.cutoff - 2.0 * jnp.max(self.radius)
+        self.skin_left = self.listed_gap - self.reach if self.reach else self.listed_gap
         # Without hindrance it does not depend on where the particles are.
         self.uniform_step = self._step_coefficients() if matter.hindrance is None else None
+
+    @property
+    def reach(self) -> float:
+        """The largest gap at which a force acts."""
+        return max(self.settings.reach, default=0.0)
 
     def begin(
         self, position: Array, velocity: Array, spin: Array, history: ParticleHistory
@@ -196,25 +209,30 @@ class Engine:
     def _steps(self, motion: Motion) -> Steps:
         """All steps of an interval."""
         origin = motion.origin
-        contact_forces = self.contact_law(motion.pairs)
+        sum_over_pairs = self.pair_forces.on(motion.pairs)
 
         def step(now: Steps, checks_list: ArrayLike) -> tuple[Steps, None]:
             def kick(half_way: Array, velocity: Array):
                 at = self.uniform_step
                 if at is None:
                     at = self._step_coefficients(origin + half_way)
-                contacts = contact_forces(
+                sums = sum_over_pairs(
                     half_way, velocity, now.spin, now.history, now.deepest, at.gains
                 )
-                return at.keep, at.falling + contacts.force, (contacts, at.keep_spin)
+                added, turned = at.falling + sums.force, sums.torque
+                if self.moving_forces:
+                    moment = Particles(origin + half_way, velocity, now.spin)
+                    pushed, spun = self._body_kicks(moment, at)
+                    added, turned = added + pushed, turned + spun
+                return at.keep, added, (sums, turned, at.keep_spin)
 
-            half_way, velocity, (contacts, keep_spin) = integrator.step(
+            half_way, velocity, (sums, turned, keep_spin) = integrator.step(
                 now.half_way, now.velocity, kick, 1.0
             )
-            spin = integrator.kicked(now.spin, keep_spin, contacts.torque)
+            spin = integrator.kicked(now.spin, keep_spin, turned)
             square = lax.stop_gradient(_squares(half_way))
             farthest = jnp.maximum(now.farthest, jnp.where(checks_list, square, 0.0))
-            after = Steps(half_way, velocity, spin, contacts.history, contacts.deepest, farthest)
+            after = Steps(half_way, velocity, spin, sums.history, sums.deepest, farthest)
             return after, None
 
         half_way = integrator.drifted(motion.travelled, motion.velocity, 0.5)
@@ -232,15 +250,34 @@ class Engine:
         return end
 
     def _mode(self, motion: Motion, deepest: Array, position: Array) -> ModeEstimate:
-        """The fastest mode of the contacts of an interval."""
-        pairs, matter = motion.pairs, self.matter
-        properties = effective.per_pair(
-            matter.parameters, matter.material, *pairs.surfaces, coated=self.coated
+        """The fastest mode of the pairs of an interval."""
+        pairs = motion.pairs
+        stiffness = total_stiffness(
+            self.pair_forces, pairs, self._deepest_kinematics(motion, deepest, position)
         )
-        kicks = self._kicks(position)
-        bed = (motion.mode, pairs, properties, deepest, self.radius, *kicks)
-        sliding = self.settings.laws.sliding
-        return stability.estimate_mode(*lax.stop_gradient(bed), sliding=sliding)
+        bed = (motion.mode, pairs, stiffness, self.radius, *self._kicks(position))
+        return stability.estimate_mode(*lax.stop_gradient(bed))
+
+    def _deepest_kinematics(
+        self, motion: Motion, deepest: Array, position: Array
+    ) -> PairKinematics:
+        """Geometry of every pair at its deepest overlap, or at its present gap; (P,)."""
+        pairs, moved = motion.pairs, position - motion.origin
+        still = jnp.zeros_like(pairs.separation[0])
+        walls = jnp.zeros_like(position, shape=(3, WALL_COUNT))
+        displacement = jnp.concatenate([moved, walls], axis=1)
+        radius = jnp.concatenate([self.radius, jnp.zeros_like(self.radius, shape=WALL_COUNT)])
+
+        def surface(ids: Array) -> ParticleState:
+            at_rest = (still,) * 3
+            return ParticleState(displacement[:, ids], at_rest, at_rest, radius[ids], at_rest)
+
+        kinematics = pair_kinematics(
+            surface(pairs.first), surface(pairs.second), pairs.separation, pairs.axis
+        )
+        if self.reach:
+            deepest = jnp.where(deepest > 0.0, deepest, kinematics.overlap)
+        return kinematics._replace(overlap=deepest)
 
     def _depths(self, motion: Motion) -> tuple[Array, Array]:
         """Deepest overlap, in radii and in thicknesses of the coating, () each."""
@@ -251,11 +288,14 @@ class Engine:
         return overlap, jnp.max(depth)
 
     def _faults(self, motion: Motion, overlap: Array, coating: Array) -> Array:
-        return motion.fault | _faults_of_motion(self.settings.box, motion, overlap, coating)
+        deepest = min((force.greatest_overlap for force in self.pair_forces.forces), default=np.inf)
+        return motion.fault | _faults_of_motion(
+            self.settings.box, motion, overlap > deepest, coating
+        )
 
     def _kicks(self, position: Array | None = None) -> tuple[Kick, Kick]:
         """Coefficients of a step for velocities and spins, by local drag where positions matter."""
-        parameters, _, hindrance = self.matter
+        parameters, _, hindrance, _ = self.matter
         if hindrance is not None and position is not None:
             box = self.settings.box
             parameters = hindered_parameters(parameters, hindrance, box, position, spacing=2.0)
@@ -264,8 +304,31 @@ class Engine:
     def _step_coefficients(self, position: Array | None = None) -> StepCoefficients:
         straight, turning = self._kicks(position)
         gains = jnp.stack(jnp.broadcast_arrays(straight.gain, turning.gain))
-        falling = jnp.atleast_2d(straight.gain) * self.net_weight
-        return StepCoefficients(straight.keep, turning.keep, gains, falling)
+        falling = jnp.atleast_2d(straight.gain) * self.steady_force
+        return StepCoefficients(
+            straight.keep, turning.keep, gains, falling, straight.gain, turning.gain
+        )
+
+    def _steady_force(self) -> Array:
+        """The sum of the forces that do not change, (3, N)."""
+        nowhere = jnp.zeros((3, self.particles), self.dtype)
+        particles = Particles(nowhere, nowhere, nowhere)
+        steady = [
+            jnp.asarray(force(self.matter.parameters, particles).force)
+            for force in self.matter.body_forces
+            if force.steady
+        ]
+        return sum(steady[1:], steady[0]) if steady else nowhere
+
+    def _body_kicks(self, particles: Particles, at: StepCoefficients) -> tuple[Array, Array]:
+        """What forces that change add to velocities and spins in a step, (3, N) each."""
+        pushed = spun = jnp.zeros_like(particles.velocity)
+        for force in self.moving_forces:
+            wrench = force(self.matter.parameters, particles)
+            pushed += jnp.atleast_2d(at.gain) * jnp.asarray(wrench.force)
+            if wrench.torque is not None:
+                spun += jnp.atleast_2d(at.gain_spin) * jnp.asarray(wrench.torque)
+        return pushed, spun
 
     def _list_at(self, position: Array) -> tuple[Pairs, Array, Array]:
         """The pairs at these positions, the positions, and the displacements since: zero.
@@ -276,7 +339,7 @@ class Engine:
         box, plan = self.settings.box, self.settings.neighbour_list
         origin = lax.stop_gradient(position)
         # A lone particle has room for every wall, and may go anywhere.
-        gap = self.skin_left if self.particles > 1 else jnp.asarray(jnp.inf, self.dtype)
+        gap = self.listed_gap if self.particles > 1 else jnp.asarray(jnp.inf, self.dtype)
         around = neighbours.build(plan, box, origin.T)
         pairs = pair_list.list_pairs(around, box, origin, self.radius, gap, plan.pairs)
         return pairs, origin, position - origin
@@ -309,7 +372,7 @@ def _squares(vectors: Array) -> Array:
     return x + y + z
 
 
-def _faults_of_motion(box: Box, end: Motion, deepest: Array, coating: Array) -> Array:
+def _faults_of_motion(box: Box, end: Motion, too_deep: Array, coating: Array) -> Array:
     """The faults that positions, velocities and overlaps show, ()."""
     escaped = jnp.zeros((), bool)
     for axis in box.walled_axes:
@@ -318,7 +381,7 @@ def _faults_of_motion(box: Box, end: Motion, deepest: Array, coating: Array) -> 
     moved = (end.position, end.velocity, end.spin)
     finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(part)) for part in moved]))
     found = (
-        (deepest > MAX_OVERLAP, Fault.TOO_DEEP),
+        (too_deep, Fault.TOO_DEEP),
         (escaped, Fault.ESCAPED),
         (coating > 1.0, Fault.THROUGH_COATING),
         (~finite, Fault.NOT_FINITE),

@@ -28,6 +28,9 @@ from mrjax.core.promotion import relaxed_promotion
 PAIRS_DROPPED = int(partition.PartitionErrorCode.NEIGHBOR_LIST_OVERFLOW)
 CELLS_OVERFULL = int(partition.PartitionErrorCode.CELL_LIST_OVERFLOW)
 
+RANDOM_PACKING = 0.64
+"""Volume fraction of a random close packing."""
+
 
 @dataclass(frozen=True)
 class ListPlan:
@@ -65,7 +68,12 @@ class Neighbours:
 
 
 def plan_list(
-    box: Box, particles: int, largest_diameter: float, typical_diameter: float, skin: float
+    box: Box,
+    particles: int,
+    largest_diameter: float,
+    typical_diameter: float,
+    skin: float,
+    reach: float = 0.0,
 ) -> ListPlan:
     """A plan with room for the densest bed that such particles usually form.
 
@@ -75,15 +83,16 @@ def plan_list(
       largest_diameter: of the particles that touch.
       typical_diameter: of the volume of a mean particle. Where sizes differ much, more may gather
         around a large one than there is room for, and the plan must be `grown`.
-      skin: distance beyond contact up to which pairs are listed.
+      skin: distance beyond contact and reach up to which pairs are listed.
+      reach: largest gap between surfaces at which a force acts.
     """
-    cutoff = largest_diameter + skin
+    cutoff = largest_diameter + reach + skin
     # Cells beyond eight for each particle only cost memory.
     cell = max(cutoff, (box.volume / (8 * particles)) ** (1 / 3))
     typical = typical_diameter / 2
     # Half of the volume that partners can reach into, random packing, less the particle itself.
-    reach = (cutoff + typical) ** 3 - (largest_diameter / 2) ** 3
-    capacity = math.ceil(0.5 * reach / typical**3)
+    volume = (cutoff + typical) ** 3 - (largest_diameter / 2) ** 3
+    capacity = math.ceil(0.5 * volume / typical**3)
     # Packed spheres that a cell, as jax-md widens it, can hold the centres of: at its corners, too.
     fitting = [math.floor(length / cell) for length in box.size]
     edges = [x / n if n >= 3 else cell for x, n in zip(box.size, fitting, strict=True)]
@@ -92,6 +101,8 @@ def plan_list(
     # A random bed of equal spheres has 2.5 contacts for each, walls included, and half a pair more
     # within a twentieth of a diameter.
     of_each = 3.0 + 10.0 * skin / largest_diameter
+    if reach:
+        of_each = max(of_each, RANDOM_PACKING * capacity)
     every_contact = particles * (particles - 1) // 2 + 2 * particles * len(box.walled_axes)
     return ListPlan(
         cutoff=cutoff,

@@ -1,41 +1,100 @@
 """The plan of a run, decided before it: its schedule, its buffers and its laws."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 from jax import Array
 
+from mrjax.core import checks
 from mrjax.core.box import Box
 from mrjax.core.parameters import Parameters
 from mrjax.core.run import Fault
 from mrjax.core.state import State
 from mrjax.core.units import Units
-from mrjax.dem.forces import ActiveLaws
+from mrjax.dem.forces import (
+    BodyForce,
+    Contact,
+    Force,
+    PairForce,
+    active_forces,
+    with_gravity_of,
+)
 from mrjax.dem.neighbours import ListPlan
 from mrjax.dem.schedule import Schedule
-from mrjax.laws.hindrance import Hindrance
+from mrjax.laws.hindrance import Hindrance, as_tree
 
 
 class System(NamedTuple):
-    """Particles, their laws and their container: the arguments of every run."""
+    """Particles, their forces and their container: the arguments of every run."""
 
     state: State
     parameters: Parameters
     hindrance: Hindrance | None
     box: Box
+    forces: tuple[Force, ...]
+
+    @staticmethod
+    def of(
+        state: State,
+        parameters: Parameters,
+        box: Box,
+        hindrance: Hindrance | None = None,
+        forces: Sequence[Force] | None = None,
+    ) -> "System":
+        """The arguments of a call as a system.
+
+        Args:
+          state, parameters, box: of the run.
+          hindrance: f_w for volume fractions, or None.
+          forces: the list; None for gravity and contact.
+
+        Raises:
+          InputError: an argument of another kind.
+        """
+        checks.require_run_inputs(state, parameters, box)
+        active = active_forces(forces, parameters)
+        return System(state, with_gravity_of(active, parameters), as_tree(hindrance), box, active)
 
     @property
     def particles(self) -> int:
         """N."""
         return self.state.particles
 
+    @property
+    def pair_forces(self) -> tuple[PairForce, ...]:
+        """The forces between two surfaces."""
+        return tuple(force for force in self.forces if isinstance(force, PairForce))
+
+    @property
+    def greatest_overlap(self) -> float:
+        """Overlap, in radii, beyond which a force of the list is no description."""
+        return min((force.greatest_overlap for force in self.pair_forces), default=math.inf)
+
+    @property
+    def in_contact(self) -> bool:
+        """True if Hertz contact is among the forces."""
+        return any(isinstance(force, Contact) for force in self.forces)
+
 
 class Matter(NamedTuple):
-    """Parameters, materials and local drag of a run, in reduced units."""
+    """Parameters, materials, local drag and forces of a run, in reduced units."""
 
     parameters: Parameters
     material: Array | None
     hindrance: Hindrance | None
+    forces: tuple[Force, ...]
+
+    @property
+    def pair_forces(self) -> tuple[PairForce, ...]:
+        """The forces between two surfaces."""
+        return tuple(force for force in self.forces if isinstance(force, PairForce))
+
+    @property
+    def body_forces(self) -> tuple[BodyForce, ...]:
+        """The forces on every particle by itself."""
+        return tuple(force for force in self.forces if isinstance(force, BodyForce))
 
 
 @dataclass(frozen=True)
@@ -45,7 +104,7 @@ class EngineSettings:
     box: Box
     neighbour_list: ListPlan
     steps: int  # in an interval
-    laws: ActiveLaws
+    reach: tuple[float, ...]  # of each pair force
     trajectory: bool  # whether positions, velocities and spins are observed
 
 
@@ -57,7 +116,8 @@ class RunPlan:
     unit_length: float  # largest contact radius, m
     neighbour_list: ListPlan
     schedule: Schedule
-    laws: ActiveLaws
+    reach: tuple[float, ...]  # of each pair force, m
+    touch: bool  # whether surfaces may touch before the end
     trajectory: bool
     nan_on_fault: bool = True  # whether a fault makes all numbers NaN
 
@@ -77,13 +137,17 @@ class RunPlan:
         length = self.unit_length
         return Units(mass=1000.0 * length**3, length=length, time=self.time_step)
 
+    def forces(self, system: System) -> tuple[Force, ...]:
+        """The forces of a system as this run needs them, in SI."""
+        return tuple(force if self.touch else force.apart() for force in system.forces)
+
     def settings(self, box: Box) -> EngineSettings:
         """Settings of the engine, for a box in m."""
         return EngineSettings(
             box.scaled(1 / self.unit_length),
             self.neighbour_list,
             self.schedule.steps,
-            self.laws,
+            tuple(reach / self.unit_length for reach in self.reach),
             self.trajectory,
         )
 

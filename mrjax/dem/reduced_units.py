@@ -1,7 +1,9 @@
 """Reduced units of a run, and back to SI: the only place where they are converted."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -11,15 +13,16 @@ from mrjax.core.run import Run
 from mrjax.core.state import State
 from mrjax.core.units import Units
 from mrjax.dem import contact_history
-from mrjax.dem.contact_history import ParticleHistory
+from mrjax.dem.contact_history import ParticleHistory, Remembered
 from mrjax.dem.engine import Motion, Observed, Outcome
-from mrjax.dem.forces import ActiveLaws
+from mrjax.dem.forces import Force
+from mrjax.dem.pair_forces import memory_of
 from mrjax.dem.plan import Matter, RunPlan, System
 from mrjax.laws import particle
 
 
 def reduced_state(
-    state: State, units: Units, slots: int, laws: ActiveLaws
+    state: State, units: Units, slots: int, memory: Mapping[str, Remembered]
 ) -> tuple[Array, Array, Array, ParticleHistory]:
     """Positions, velocities and spins, (3, N) each, and the history of contacts.
 
@@ -27,15 +30,14 @@ def reduced_state(
       state: in SI.
       units: the reduced ones.
       slots: S, contacts that each particle has room for.
-      laws: those that read the history.
+      memory: what pairs remember, by name.
     """
     history = contact_history.from_state(
         state.contacts,
         state.position,
         slots=slots,
-        sliding=laws.sliding,
-        rolling=laws.rolling,
-        unit_length=units.length,
+        memory=memory,
+        units=units,
     )
     return (
         state.position.T / units.length,
@@ -50,14 +52,24 @@ def reduced_parameters(parameters: Parameters, units: Units, state: State) -> Pa
     return parameters.reduced(units).astype(state.position.dtype)
 
 
+def reduced_forces(forces: Sequence[Force], units: Units, state: State) -> tuple[Force, ...]:
+    """Forces in reduced units, their coefficients of the dtype of the state."""
+    return jax.tree.map(
+        lambda leaf: jnp.asarray(leaf, state.position.dtype),
+        tuple(force.reduced(units) for force in forces),
+    )
+
+
 def reduced(
     system: System, plan: RunPlan
 ) -> tuple[tuple[Array, Array, Array, ParticleHistory], Matter]:
     """The start of a run, as `reduced_state`, and what its laws read."""
     slots = plan.neighbour_list.capacity + 2 * len(system.box.walled_axes)
-    begin = reduced_state(system.state, plan.units, slots, plan.laws)
     parameters = reduced_parameters(system.parameters, plan.units, system.state)
-    return begin, Matter(parameters, system.state.material, system.hindrance)
+    forces = reduced_forces(plan.forces(system), plan.units, system.state)
+    matter = Matter(parameters, system.state.material, system.hindrance, forces)
+    begin = reduced_state(system.state, plan.units, slots, memory_of(matter.pair_forces))
+    return begin, matter
 
 
 def run_in_si(
@@ -86,7 +98,12 @@ def run_in_si(
         position=nan_if_faulty * units.length * end.position.T,
         velocity=nan_if_faulty * units.velocity * end.velocity.T,
         spin=nan_if_faulty / units.time * end.spin.T,
-        contacts=contact_history.to_state(outcome.history, nan_if_faulty, units.length),
+        contacts=contact_history.to_state(
+            outcome.history,
+            nan_if_faulty,
+            memory=memory_of(matter.pair_forces),
+            units=units,
+        ),
     )
     radius = particle.outer_radius(matter.parameters)
     times = np.linspace(0.0, plan.duration, plan.schedule.frames + 1)

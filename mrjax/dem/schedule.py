@@ -101,6 +101,7 @@ def plan_neighbour_list(
     diameter: float,
     skin: float,
     capacity: int | None = None,
+    reach: float = 0.0,
 ) -> ListPlan:
     """The neighbour list of a state, with contact radii as unit of length.
 
@@ -111,6 +112,7 @@ def plan_neighbour_list(
       diameter: largest contact diameter, m.
       skin: beyond contact, as a fraction of the contact diameter.
       capacity: partners of each particle; left out, for a random close packing.
+      reach: largest gap between surfaces at which a force acts, m.
     """
     typical = 1.0 if radius is None else min(1.0, particle.typical_diameter(radius) / diameter)
     plan = neighbours.plan_list(
@@ -119,6 +121,7 @@ def plan_neighbour_list(
         2.0,
         2.0 * typical,
         2.0 * skin,
+        2.0 * reach / diameter,
     )
     room = plan.capacity if capacity is None else min(capacity, state.particles - 1)
     if state.contacts is not None:
@@ -130,21 +133,26 @@ def plan_neighbour_list(
 
 
 def greatest_speed(
-    velocity: np.ndarray | None, numbers: Parameters, box: Box, duration: float
+    velocity: np.ndarray | None,
+    numbers: Parameters,
+    box: Box,
+    duration: float,
+    acceleration: float = 0.0,
 ) -> float | None:
     """Upper bound on the speed of particles that move freely, m/s; None where it is traced.
 
-    The greatest initial speed plus what their net weight adds until drag, the duration or a wall
-    ends it.
+    The greatest initial speed plus what their net weight, and another acceleration in m/s^2, adds
+    until drag, the duration or a wall ends it.
     """
     found = evaluated_or_none(_pull_and_relaxation, numbers)
     if velocity is None or found is None:
         return None
     pull, relaxation = found
     initial = np.sqrt((velocity**2).sum(axis=-1)).max()
-    gained = np.max(np.abs(pull) * np.minimum(relaxation, duration))
+    pull = np.abs(pull) + acceleration
+    gained = np.max(pull * np.minimum(relaxation, duration))
     if not box.periodic[2]:
-        gained = min(gained, np.sqrt(2.0 * np.max(np.abs(pull)) * box.height))
+        gained = min(gained, np.sqrt(2.0 * np.max(pull) * box.height))
     return float(initial + gained)
 
 
@@ -167,20 +175,26 @@ def largest_stable_step(
     diameter: float,
     speed: float | None,
     arrangement: tuple[Mode, ...] = time_scales.CLOSE_PACKED,
+    *,
+    stiffness: float = 0.0,
+    pair_force: float = 0.0,
 ) -> float | None:
     """Largest step that survives the contacts to be expected, s; None where that is traced.
 
     They carry a column of particles as high as the box, or meet at twice the greatest speed. The
-    column presses on the floor or, of particles lighter than the fluid, on the lid.
+    column presses on the floor or, of particles lighter than the fluid, on the lid. Pair forces of
+    this size, N, and stiffness, N/m, act beside contact.
     """
     weight = evaluated_or_none(particle.net_weight, numbers)
     if speed is None or weight is None:
         return None
-    load = np.max(np.abs(weight) * max(1.0, box.height / diameter))
+    load = np.max(np.abs(weight) * max(1.0, box.height / diameter)) + pair_force
     overlap = evaluated_or_none(time_scales.expected_overlap, numbers, load, 2.0 * speed)
 
     def limit(overlap: float) -> float | None:
-        step = evaluated_or_none(time_scales.largest_stable_step, numbers, overlap, arrangement)
+        step = evaluated_or_none(
+            time_scales.largest_stable_step, numbers, overlap, arrangement, stiffness
+        )
         return None if step is None else float(step)
 
     step = None if overlap is None else limit(float(overlap))

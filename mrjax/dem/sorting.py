@@ -54,6 +54,10 @@ def permute_system(system: System, order: Array) -> System:
     return system._replace(
         state=permute_state(system.state, order),
         parameters=permute_parameters(system.parameters, order),
+        forces=jax.tree.map(
+            lambda leaf: leaf[order] if jnp.shape(leaf)[:1] == order.shape else leaf,
+            system.forces,
+        ),
     )
 
 

@@ -1,6 +1,5 @@
 """Stability of the contacts of a bed at a step, from its own fastest mode."""
 
-from types import ModuleType
 from typing import NamedTuple
 
 import jax
@@ -11,8 +10,6 @@ from mrjax.core import randomness
 from mrjax.dem.integrator import Kick
 from mrjax.dem.pairs import Pairs
 from mrjax.kernel import pair_sum
-from mrjax.laws import normal, tangential
-from mrjax.laws.effective import PairProperties
 from mrjax.laws.vectors import Vector, cross, dot, plus, times
 
 ITERATIONS = 8
@@ -37,13 +34,10 @@ def initial_estimate(particles: int, dtype) -> ModeEstimate:
 def estimate_mode(
     before: ModeEstimate,
     pairs: Pairs,
-    properties: PairProperties,
-    overlap: Array,
+    stiffness: tuple[Array, Array],
     radius: Array,
     kick: Kick,
     spin_kick: Kick,
-    *,
-    sliding: bool,
 ) -> ModeEstimate:
     """Estimates the fastest mode of these contacts, and how near it is to instability.
 
@@ -53,17 +47,16 @@ def estimate_mode(
 
     is less than 2 (`time_scales.largest_stable_step` for one contact). It is found by power
     iteration, which goes on from the mode that was fastest in the bed before and errs, by some
-    per cent, towards stability. Contacts that slide count as if they held.
+    per cent, towards stability.
 
     Args:
       before: what is known of the bed so far.
-      pairs, properties: the contacts of the bed, and their effective properties.
-      overlap: of each, m; not positive where there is none; (P,).
+      pairs: of the bed.
+      stiffness: dt A + 2 C of each, normal and tangential, (P,); zero where nothing acts.
       radius: of the particles, (N,).
       kick, spin_kick: of the step, `integrator.kick`.
-      sliding: whether friction acts.
     """
-    normal_spring, tangential_spring = _stiffnesses(pairs, properties, overlap, sliding)
+    normal_spring, tangential_spring = stiffness
     square = dot(pairs.separation, pairs.separation)
     square = jnp.where(pairs.present & (square > 0.0), square, 1.0)
     direction = times(1.0 / jnp.sqrt(square), pairs.separation)
@@ -130,23 +123,3 @@ def _restoring_force(
 def _compliance(kick: Kick) -> Array:
     """tanh(alpha dt / 2) / gamma, finite without drag."""
     return kick.gain / (1.0 + kick.keep)
-
-
-def _stiffnesses(
-    pairs: Pairs, properties: PairProperties, overlap: Array, sliding: bool
-) -> tuple[Array, Array]:
-    """K + 2 c of every contact in the unit of time, normal and tangential; (P,)."""
-    touching = (overlap > 0.0) & pairs.present
-    depth = jnp.where(touching, overlap, 1.0)
-
-    def of(law: ModuleType, modulus: Array, dissipation: Array) -> Array:
-        kept = law.stiffness(modulus, properties.radius, depth)
-        damped = law.damping_coefficient(
-            modulus, properties.radius, properties.mass, depth, dissipation, properties.damping
-        )
-        return jnp.where(touching, kept + 2.0 * damped, 0.0)
-
-    in_normal = of(normal, properties.modulus, properties.dissipation)
-    if not sliding:
-        return in_normal, jnp.zeros_like(in_normal)
-    return in_normal, of(tangential, properties.shear_modulus, properties.tangential_dissipation)

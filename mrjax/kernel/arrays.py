@@ -24,8 +24,9 @@ def evaluate_with_arrays(loop: PairLoop, first, second, count, *leaves):
 
     scalars = [gathered(place) for place in slots(loop.inputs)]
     guards = scalars[: len(loop.guard.jaxpr.invars)]
-    (touching,) = jax.vmap(jaxpr_as_fun(loop.guard))(*guards)
-    values = jax.vmap(jaxpr_as_fun(loop.law))(*scalars)
+    size = len(first)  # which a guard without arguments does not tell
+    (touching,) = jax.vmap(jaxpr_as_fun(loop.guard), axis_size=size)(*guards)
+    values = jax.vmap(jaxpr_as_fun(loop.law), axis_size=size)(*scalars)
     shapes = [leaf.shape(particles, len(first)) for leaf in loop.outputs]
     results = [
         jnp.zeros((leaf.width, *shape[len(leaf.rows) :]), leaf.dtype)

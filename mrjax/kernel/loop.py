@@ -131,7 +131,7 @@ class PairLoop:
         programs = (self.law, self.guard)
         return (
             *(str(of.jaxpr) for of in programs),
-            *(str(of.consts) for of in programs),
+            *(_constants(of) for of in programs),
             self.inputs,
             self.outputs,
             self.linear,
@@ -319,6 +319,18 @@ class PairLoop:
             in_place,
         )
         return loop, tuple(left)
+
+
+def _constants(program: ClosedJaxpr) -> tuple[bytes, ...]:
+    """All digits of the constants of a program and of those inside it."""
+    inner = [
+        value
+        for equation in program.jaxpr.eqns
+        for value in equation.params.values()
+        if isinstance(value, ClosedJaxpr)
+    ]
+    own = tuple(np.asarray(constant).tobytes() for constant in program.consts)
+    return sum(map(_constants, inner), own)
 
 
 def _traced(function, scalars: list[jax.ShapeDtypeStruct]) -> ClosedJaxpr:

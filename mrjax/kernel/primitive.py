@@ -3,7 +3,8 @@
 On a CPU it is a compiled loop (`llvm.codegen`), elsewhere gathers and scatters (`arrays`).
 """
 
-from functools import partial
+import warnings
+from functools import cache, partial
 
 import jax
 import jax.numpy as jnp
@@ -191,11 +192,21 @@ def _both_remembered(saveable, unknown, present, equation):
     return known, equation, later, [True] * len(later), kept
 
 
+_in_arrays = mlir.lower_fun(
+    lambda *operands, loop: evaluate_with_arrays(loop, *operands), multiple_results=True
+)
+
+
 def _compiled(context, *operands, loop: PairLoop):
     shapes = [operand.shape for operand in context.avals_in]
     particles, (room,) = loop.particles(shapes[3:]), shapes[0]
+    try:
+        name = codegen.registered(loop, particles, room)
+    except NotImplementedError as missing:
+        _warn_once(str(missing))
+        return _in_arrays(context, *operands, loop=loop)
     lower = jax.ffi.ffi_lowering(
-        codegen.registered(loop, particles, room),
+        name,
         operand_output_aliases={3 + of.given: of.taken for of in loop.in_place},
     )
     chunks = codegen.chunk_count(room)
@@ -206,15 +217,18 @@ def _compiled(context, *operands, loop: PairLoop):
     return found
 
 
+@cache
+def _warn_once(missing: str) -> None:
+    """Warns that a law takes the slower path, once for each operation that is missing."""
+    warnings.warn(
+        f"{missing}: the law of pairs is evaluated with arrays, which takes longer", stacklevel=2
+    )
+
+
 ad.primitive_jvps[pair_sum_p] = _jvp
 ad.primitive_transposes[pair_sum_p] = _transpose
 batching.primitive_batchers[pair_sum_p] = _batched
-mlir.register_lowering(
-    pair_sum_p,
-    mlir.lower_fun(
-        lambda *operands, loop: evaluate_with_arrays(loop, *operands), multiple_results=True
-    ),
-)
+mlir.register_lowering(pair_sum_p, _in_arrays)
 mlir.register_lowering(pair_sum_p, _compiled, platform="cpu")
 
 ad.primitive_jvps[with_change_p] = _both_jvp

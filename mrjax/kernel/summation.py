@@ -61,8 +61,10 @@ def pair_sum(
 
     Raises:
       ValueError: the trees that the law returns do not fit.
-      NotImplementedError: the law has an operation that cannot be compiled (CPU, when the call is
-        compiled).
+
+    Warns:
+      UserWarning: the law has an operation that the compiled loop lacks, and is evaluated with
+        arrays (CPU; once for each operation).
 
     Example:
       >>> def spring(particle, partner, stiffness, shared, memory):

@@ -28,6 +28,80 @@ class PairProperties(NamedTuple):
     rolling_damping: Array  # h_r
 
 
+class SurfacePairs(NamedTuple):
+    """Pairs of surfaces, and how values of particles become values of pairs; P pairs."""
+
+    first: ArrayLike
+    """Ids of particles, (P,)."""
+    second: ArrayLike
+    """Ids of their partners, particles or walls, (P,)."""
+    wall: ArrayLike | None
+    """True where the second is a wall, (P,); None in a box without walls."""
+    material: Array | None
+    """Index of each particle into tables by material, (N,); None where all are of one."""
+    coated: CoatedParticle
+    """The coated particles."""
+
+    def sides(self, leaf: Array, of_wall: Array | None = None) -> tuple[Array, Array]:
+        """A leaf, () or (N,), of the first and of the second surface; (P,), or () where equal.
+
+        Args:
+          leaf: of the particles.
+          of_wall: of the walls; left out, the value at walls means nothing.
+        """
+        # A wall's id is beyond the last particle's, which is read in its place.
+        equal = jnp.ndim(leaf) == 0
+        mine, theirs = (leaf, leaf) if equal else (leaf[self.first], leaf[self.second])
+        if of_wall is not None and self.wall is not None:
+            theirs = jnp.where(self.wall, of_wall, theirs)
+        return mine, theirs
+
+    def harmonic(self, leaf: Array) -> Array:
+        """1/(1/a + 1/b) of a leaf, () or (N,), as for R* and m*; at a wall the particle's own."""
+        mine, theirs = self.sides(leaf)
+        between = normal.harmonic(mine, theirs)
+        return between if self.wall is None else jnp.where(self.wall, mine, between)
+
+    def by_material(self, leaf: Array) -> Array:
+        """Entries of a table by material, the walls last; (P,), or () for one number."""
+        if jnp.ndim(leaf) == 0:
+            return leaf
+        index = jnp.zeros(1, jnp.int32) if self.material is None else self.material
+        at_wall = leaf[index[self.first], -1]
+        mine, theirs = index[self.first], index[self.second]
+        between = leaf[mine, theirs]
+        return between if self.wall is None else jnp.where(self.wall, at_wall, between)
+
+    @property
+    def reduced_radius(self) -> Array:
+        """R* of Eq. 6, m; (P,) or ()."""
+        return self.harmonic(self.coated.radius)
+
+
+def of_surfaces(parameters: Parameters, surfaces: SurfacePairs) -> PairProperties:
+    """Properties of the contacts between surfaces; a wall is of infinite radius and mass."""
+    sides, table = surfaces.sides, surfaces.by_material
+    (modulus_i, modulus_j), (poisson_i, poisson_j) = (
+        sides(parameters.elastic_modulus, parameters.wall_elastic_modulus),
+        sides(parameters.poisson_ratio, parameters.wall_poisson_ratio),
+    )
+    materials = (modulus_i, poisson_i, modulus_j, poisson_j)
+    radius, mass, moment = surfaces.coated
+    return PairProperties(
+        normal.effective_modulus(*materials),
+        tangential.effective_shear_modulus(*materials),
+        surfaces.harmonic(radius),
+        surfaces.harmonic(mass),
+        surfaces.harmonic(rolling.contact_inertia(moment, mass, radius)),
+        table(parameters.friction),
+        table(normal.damping_ratio(parameters.restitution)),
+        table(parameters.dissipation),
+        table(parameters.tangential_dissipation),
+        table(parameters.rolling_friction),
+        table(parameters.rolling_damping),
+    )
+
+
 def per_pair(
     parameters: Parameters,
     material: Array | None,
@@ -48,47 +122,14 @@ def per_pair(
       coated: radius and inertia of the coated particles; computed from the parameters by default.
     """
     coated = particle.coated_particle(parameters) if coated is None else coated
+    return of_surfaces(parameters, SurfacePairs(first, second, wall, material, coated))
 
-    def sides(leaf: Array, wall_value: Array | None = None) -> tuple[Array, Array]:
-        # A wall's id is out of bounds; JAX then reads the last particle, which is not used.
-        leaf_i, leaf_j = (leaf, leaf) if jnp.ndim(leaf) == 0 else (leaf[first], leaf[second])
-        if wall_value is not None and wall is not None:
-            leaf_j = jnp.where(wall, wall_value, leaf_j)
-        return leaf_i, leaf_j
 
-    def combined(leaf: Array) -> Array:
-        leaf_i, leaf_j = sides(leaf)
-        reduced = normal.harmonic(leaf_i, leaf_j)
-        return reduced if wall is None else jnp.where(wall, leaf_i, reduced)
-
-    def table(leaf: Array) -> Array:
-        if jnp.ndim(leaf) == 0:
-            return leaf
-        index = jnp.zeros(1, jnp.int32) if material is None else material
-        wall_value = leaf[index[first], -1]
-        material_i, material_j = index[first], index[second]
-        value = leaf[material_i, material_j]
-        return value if wall is None else jnp.where(wall, wall_value, value)
-
-    (modulus_i, modulus_j), (poisson_i, poisson_j) = (
-        sides(parameters.elastic_modulus, parameters.wall_elastic_modulus),
-        sides(parameters.poisson_ratio, parameters.wall_poisson_ratio),
-    )
-    materials = (modulus_i, poisson_i, modulus_j, poisson_j)
-    radius, mass, moment = coated
-    return PairProperties(
-        normal.effective_modulus(*materials),
-        tangential.effective_shear_modulus(*materials),
-        combined(radius),
-        combined(mass),
-        combined(rolling.contact_inertia(moment, mass, radius)),
-        table(parameters.friction),
-        table(normal.damping_ratio(parameters.restitution)),
-        table(parameters.dissipation),
-        table(parameters.tangential_dissipation),
-        table(parameters.rolling_friction),
-        table(parameters.rolling_damping),
-    )
+def alike(parameters: Parameters, material: Array | None) -> bool:
+    """True if all particles are of one material, size and mass."""
+    radius, inertia, _ = particle.coated_particle(parameters)
+    leaves = radius, inertia, parameters.elastic_modulus, parameters.poisson_ratio
+    return material is None and not any(jnp.ndim(leaf) for leaf in leaves)
 
 
 def per_kind(
@@ -103,9 +144,7 @@ def per_kind(
       Properties of shape (1,) or (2,), or () if all contacts are the same; None if particles
       differ, so that contacts of one kind have different constants.
     """
-    coated = particle.coated_particle(parameters) if coated is None else coated
-    leaves = coated.radius, coated.inertia, parameters.elastic_modulus, parameters.poisson_ratio
-    if material is not None or any(jnp.ndim(leaf) for leaf in leaves):
+    if not alike(parameters, material):
         return None
     first = jnp.zeros(1 + walled, jnp.int32)  # all particles are alike: take the first
     wall = np.array([False, True]) if walled else None

@@ -98,7 +98,10 @@ def expected_overlap(parameters: Parameters, load: ArrayLike, speed: ArrayLike) 
 
 
 def largest_stable_step(
-    parameters: Parameters, overlap: ArrayLike, arrangement: tuple[Mode, ...] = CLOSE_PACKED
+    parameters: Parameters,
+    overlap: ArrayLike,
+    arrangement: tuple[Mode, ...] = CLOSE_PACKED,
+    stiffness: ArrayLike = 0.0,
 ) -> Array:
     """Largest step at which contacts with this overlap are stable, at any drag; s, ().
 
@@ -118,9 +121,10 @@ def largest_stable_step(
       parameters: particles, fluid and contact.
       overlap: overlap of a contact, m.
       arrangement: modes of vibration of the touching particles.
+      stiffness: of other forces along the normal, N/m.
     """
     modulus, shear_modulus, radius, mass = _pair(parameters)
-    stiffness_n = normal.stiffness(modulus, radius, overlap)
+    stiffness_n = normal.stiffness(modulus, radius, overlap) + stiffness
     frictional = jnp.any(_without_walls(parameters.friction) > 0.0)
     stiffness_t = jnp.where(frictional, tangential.stiffness(shear_modulus, radius, overlap), 0.0)
     dashpot_n, dashpot_t = _dashpots(parameters, overlap)

@@ -13,6 +13,7 @@ from mrjax.core.errors import InputError
 from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.core.parameters import Parameters, per_particle
 from mrjax.core.tracing import drop_tracers, evaluated_or_none, value_or_none
+from mrjax.dem.force_bounds import NO_OTHER_FORCES, ForceBounds
 from mrjax.laws import closed_forms, particle, time_scales
 from mrjax.laws.hindrance import BED_FRACTION, Hindrance
 from mrjax.laws.time_scales import Mode
@@ -103,6 +104,7 @@ def step(
     particles: int,
     falling: float,
     hindrance: Hindrance | None,
+    bounds: ForceBounds = NO_OTHER_FORCES,
 ) -> float:
     """A step that a random bed of these particles is stable at, and that resolves a dry impact; s.
 
@@ -115,11 +117,13 @@ def step(
       particles: N.
       falling: speed, m/s.
       hindrance: f_w where drag is local.
+      bounds: of forces beside weight and contact.
 
     Raises:
       InputError: no step would do.
     """
-    law = partial(_overlaps, box=box, particles=particles, falling=falling)
+    pulled = bounds.pair_force
+    law = partial(_overlaps, box=box, particles=particles, falling=falling, pulled=pulled)
     found = evaluated_or_none(evaluate_with_numpy, law, numbers)
     if found is None:
         raise InputError(TRACED)
@@ -130,7 +134,9 @@ def step(
             (numbers.replace(f_w=_felt(hindrance, share)), overlap)
             for share, overlap in ((BED_FRACTION, resting), (DILUTE_SHARE * fraction, alone))
         ]
-    longest = min(_stable(layer, max(overlap, impact)) for layer, overlap in layers)
+    longest = min(
+        _stable(layer, max(overlap, impact), bounds.stiffness) for layer, overlap in layers
+    )
     if not longest > 0.0:
         raise InputError(
             "the dashpots of contacts are so strong that no step is stable: give less dissipation"
@@ -150,13 +156,13 @@ def _felt(hindrance: Hindrance, share: float) -> np.ndarray:
     return found
 
 
-def _stable(numbers: Parameters, overlap: float) -> float:
+def _stable(numbers: Parameters, overlap: float, stiffness: float) -> float:
     """Stable step of a random bed of this deepest overlap, m, that resolves a dry impact, too; s.
 
     Raises:
       InputError: parameters that are traced.
     """
-    found = evaluated_or_none(evaluate_with_numpy, _limits, numbers, overlap)
+    found = evaluated_or_none(evaluate_with_numpy, _limits, numbers, overlap, stiffness)
     if found is None:
         raise InputError(TRACED)
     stable, relaxation = map(float, found)
@@ -181,20 +187,24 @@ def _falling(numbers: Parameters, particles: int) -> tuple[Array, ...]:
     )
 
 
-def _overlaps(numbers: Parameters, box: Box, particles: int, falling: float) -> tuple[Array, ...]:
+def _overlaps(
+    numbers: Parameters, box: Box, particles: int, falling: float, pulled: float
+) -> tuple[Array, ...]:
     """Overlaps of the bed, of one particle on another and of an impact, m; volume fraction."""
     radius = per_particle(particle.outer_radius(numbers), particles)
+    weight = jnp.max(jnp.abs(particle.net_weight(numbers)))
+    together = time_scales.expected_overlap(numbers, pulled, 0.0) if pulled else 0.0
     return (
-        softening.resting_overlap(numbers, box, particles),
-        time_scales.expected_overlap(numbers, jnp.max(jnp.abs(particle.net_weight(numbers))), 0.0),
+        jnp.maximum(softening.resting_overlap(numbers, box, particles), together),
+        time_scales.expected_overlap(numbers, weight + pulled, 0.0),
         time_scales.expected_overlap(numbers, 0.0, falling),
         4 / 3 * jnp.pi * jnp.sum(radius**3) / box.volume,
     )
 
 
-def _limits(numbers: Parameters, overlap: float) -> tuple[Array, Array]:
+def _limits(numbers: Parameters, overlap: float, stiffness: float) -> tuple[Array, Array]:
     """The largest stable step and the least relaxation time, s."""
     return (
-        time_scales.largest_stable_step(numbers, overlap, RANDOM_BED),
+        time_scales.largest_stable_step(numbers, overlap, RANDOM_BED, stiffness),
         jnp.min(time_scales.relaxation_time(numbers)),
     )

@@ -16,7 +16,6 @@ from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.core.parameters import Parameters
 from mrjax.core.run import Fault, reasons
 from mrjax.core.state import State
-from mrjax.dem.engine import MAX_OVERLAP
 from mrjax.dem.plan import RunPlan, System
 from mrjax.dem.scan import run_once
 from mrjax.dem.schedule import Schedule
@@ -55,14 +54,14 @@ def refuse_deep_start(system: System) -> None:
     Raises:
       SimulationError: the deepest contact, and how deep it is.
     """
-    state, parameters, _, box = system
+    state, parameters, box = system.state, system.parameters, system.box
     position = np.asarray(state.position)
     if not np.isfinite(position).all():
         return  # which the run says
     with jax.ensure_compile_time_eval():
         outer = evaluate_with_numpy(particle.outer_radius, parameters)
     depth, names = _deepest(position, np.broadcast_to(outer, len(position)), box)
-    if depth > MAX_OVERLAP:
+    if depth > system.greatest_overlap:
         error = SimulationError(f"at 0 s, {names}: {reasons(Fault.TOO_DEEP)}")
         error.state, error.time, error.faults = state, 0.0, int(Fault.TOO_DEEP)
         raise error

@@ -3,7 +3,6 @@
 from pathlib import Path
 from typing import Unpack
 
-from mrjax.core import checks
 from mrjax.core.box import Box
 from mrjax.core.errors import InputError
 from mrjax.core.interruption import interruptible
@@ -13,7 +12,6 @@ from mrjax.core.state import State
 from mrjax.dem.plan import System
 from mrjax.io import state_file
 from mrjax.io.checkpoint import Checkpoint, Sequence, refuse_foreign
-from mrjax.laws.hindrance import as_tree
 from mrjax.simulation.options import RunKeywords, RunOptions, takes_run_options
 from mrjax.simulation.pieces import PiecewiseRun
 from mrjax.simulation.plan import plan_run
@@ -52,8 +50,7 @@ def follow(
     """
     chosen = RunOptions(**options)
     refuse_foreign(checkpoint)
-    checks.require_run_inputs(state, parameters, box)
-    system = System(state, parameters, as_tree(chosen.hindrance), box)
+    system = System.of(state, parameters, box, chosen.hindrance, chosen.forces)
     with interruptible() as stop:
         plan = plan_run(system, chosen, duration=duration, frames=frames)
         parts = None
@@ -66,6 +63,7 @@ def follow(
                 frames=frames,
                 time_step=chosen.time_step,
                 hindrance=system.hindrance,
+                forces=system.forces,
                 state=state_file.arrays(state),
                 setup=plan,
             )

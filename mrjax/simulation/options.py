@@ -2,10 +2,11 @@
 
 import dataclasses
 import inspect
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypedDict, TypeVar
 
+from mrjax.dem.forces import Force
 from mrjax.laws.hindrance import Hindrance
 
 F = TypeVar("F", bound=Callable)
@@ -28,6 +29,9 @@ class RunOptions:
       hindrance: f_w for volume fractions, such as `recipe.hindrance` or
         `lambda phi: (1 - phi) ** -4.65`: each particle then feels that of its own height
         (`mrjax.laws.hindrance`) in place of the parameters' f_w.
+      forces: the forces on the particles, such as `[mrjax.Gravity(), mrjax.Contact()]` and those
+        of one's own (`mrjax.PairForce`, `mrjax.BodyForce`); left out, gravity and contact. Drag is
+        part of the integrator.
       trajectory: whether to record all positions, velocities and spins (`Run.trajectory`).
       progress: whether to show a progress bar, on standard error (plain calls).
     """
@@ -38,6 +42,7 @@ class RunOptions:
     capacity: int | None = None
     cell_capacity: int | None = None
     hindrance: Hindrance | None = None
+    forces: Sequence[Force] | None = None
     trajectory: bool = False
     progress: bool = False
 
@@ -51,6 +56,7 @@ class RunKeywords(TypedDict, total=False):
     capacity: int | None
     cell_capacity: int | None
     hindrance: Hindrance | None
+    forces: Sequence[Force] | None
     trajectory: bool
     progress: bool
 

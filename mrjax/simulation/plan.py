@@ -1,6 +1,7 @@
 """Decides what a run leaves open: its step, its buffers, its laws. Refuses what cannot be run."""
 
 from dataclasses import replace
+from functools import partial
 
 import jax
 import numpy as np
@@ -10,7 +11,7 @@ from mrjax.core.errors import InputError
 from mrjax.core.parameters import Parameters
 from mrjax.core.tracing import drop_tracers, evaluated_or_none, value_or_none
 from mrjax.dem import schedule
-from mrjax.dem.forces import ActiveLaws, active_laws
+from mrjax.dem.force_bounds import ForceBounds, force_bounds, plan_reach
 from mrjax.dem.neighbours import ListPlan
 from mrjax.dem.plan import RunPlan, System
 from mrjax.laws import particle, time_scales
@@ -39,32 +40,40 @@ def plan_run(
       InputError: an argument that cannot be used, a step that would be unstable, or a traced value
         where a concrete one is needed.
     """
-    state, parameters, _, box = system
+    state, parameters, _, box, _ = system
     frames = checks.whole(frames, "frames")
     duration = checks.positive(duration, "duration", "s")
     skin = checks.positive(options.skin, "skin", "contact diameters")
-    checks.refuse_bad_parameters(parameters, state.particles, state.material)
+    checks.refuse_bad_parameters(
+        parameters, state.particles, state.material, contacts=system.in_contact
+    )
     checks.refuse_overflow(state)
     position, velocity = value_or_none(state.position), value_or_none(state.velocity)
     checks.refuse_outside(position, box)
     numbers = drop_tracers(parameters)
     radius = evaluated_or_none(particle.outer_radius, numbers)
     diameter = schedule.contact_diameter(state, radius, slack=skin / 4)
-    speed = schedule.greatest_speed(velocity, numbers, box, duration)
+    reach = plan_reach(system)
+    bounds = force_bounds(system, reach)
+    speed = schedule.greatest_speed(velocity, numbers, box, duration, bounds.acceleration)
+    if touch is None and max(reach, default=0.0) > 0.0:
+        touch = True
     if touch is None:
         travel = None if speed is None else 2 * speed * duration
         touch = state.contacts is not None or checks.may_touch(
             position, radius, box, travel, diameter
         )
-    largest, hopeless = _stable_steps(system, numbers, diameter, speed) if touch else (None, None)
+    largest = hopeless = None
+    if touch:
+        largest, hopeless = _stable_steps(system, numbers, diameter, speed, bounds)
     if options.time_step is None:
         # Eq. 29 knows nothing of dissipation, which may ask for less.
-        limits = (_step_of_eq_29(numbers, touch), largest)
+        limits = (_step_of_eq_29(numbers, touch and system.in_contact), largest)
         time_step = min((limit for limit in limits if limit is not None), default=duration)
     else:
         time_step = checks.positive(options.time_step, "time_step", "s")
     time_step = min(duration / frames, time_step)
-    neighbour_list = _list_plan(system, options, radius, diameter, skin)
+    neighbour_list = _list_plan(system, options, radius, diameter, skin, max(reach, default=0.0))
     if largest is not None and hopeless is not None and time_step > hopeless:
         raise InputError(
             f"time_step = {time_step:.4g} s is unstable for contacts this stiff; the largest that "
@@ -76,39 +85,50 @@ def plan_run(
     steps = schedule.plan_steps(
         duration, time_step, frames, checks.whole(rebuild_every, "rebuild_every")
     )
-    # Without a contact friction would only be compiled.
-    none = ActiveLaws(sliding=False, rolling=False, damped=False)
-    laws = active_laws(parameters) if touch else none
-    return RunPlan(duration, diameter / 2, neighbour_list, steps, laws, options.trajectory)
+    return RunPlan(duration, diameter / 2, neighbour_list, steps, reach, touch, options.trajectory)
 
 
 def _stable_steps(
-    system: System, numbers: Parameters, diameter: float, speed: float | None
+    system: System,
+    numbers: Parameters,
+    diameter: float,
+    speed: float | None,
+    bounds: ForceBounds,
 ) -> tuple[float | None, float | None]:
     """Largest stable steps of a close packing and of a pair, s; None where that is traced."""
     if system.hindrance is not None:
         with jax.ensure_compile_time_eval():
             numbers = numbers.replace(f_w=drop_tracers(system.hindrance)(BED_FRACTION))
-    expected = numbers, system.box, diameter, speed
-    return (
-        schedule.largest_stable_step(*expected, time_scales.CLOSE_PACKED),
-        schedule.largest_stable_step(*expected, time_scales.TOUCHING_PAIR),
+    law = partial(
+        schedule.largest_stable_step,
+        numbers,
+        system.box,
+        diameter,
+        speed,
+        stiffness=bounds.stiffness,
+        pair_force=bounds.pair_force,
     )
+    return law(time_scales.CLOSE_PACKED), law(time_scales.TOUCHING_PAIR)
 
 
 def _list_plan(
-    system: System, options: RunOptions, radius: np.ndarray | None, diameter: float, skin: float
+    system: System,
+    options: RunOptions,
+    radius: np.ndarray | None,
+    diameter: float,
+    skin: float,
+    reach: float,
 ) -> ListPlan:
     """The neighbour list of a run.
 
     Raises:
       InputError: a capacity that is no number, or a box too narrow for the particles.
     """
-    state, _, _, box = system
+    state, box = system.state, system.box
     capacity = options.capacity
     if capacity is not None:
         capacity = checks.whole(capacity, "capacity")
-    plan = schedule.plan_neighbour_list(state, radius, box, diameter, skin, capacity)
+    plan = schedule.plan_neighbour_list(state, radius, box, diameter, skin, capacity, reach)
     if options.cell_capacity is not None:
         room = checks.whole(options.cell_capacity, "cell_capacity")
         plan = replace(plan, cell_capacity=min(room, state.particles))

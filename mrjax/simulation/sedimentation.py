@@ -1,7 +1,7 @@
 """The whole sedimentation curve of a lab sheet, of one random start or an ensemble."""
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from mrjax.core import checks
 from mrjax.core.errors import InputError, shown
 from mrjax.core.parameters import Parameters
 from mrjax.core.run import Run
+from mrjax.dem.forces import Force
 from mrjax.io.checkpoint import refuse_foreign
 from mrjax.observables import interface
 from mrjax.recipe.recipe import Recipe
@@ -52,6 +53,7 @@ def sedimentation(
     time_step: float | None = None,
     dtype: DTypeLike = float,
     progress: bool = False,
+    forces: Sequence[Force] | None = None,
     trajectory: bool = False,
     checkpoint: str | Path | None = None,
 ) -> Sedimentation:
@@ -69,6 +71,7 @@ def sedimentation(
       time_step: longest step, s; left out, what the bed is stable at.
       dtype: of the runs; `float` is JAX's default.
       progress: whether to show progress bars, on standard error.
+      forces: the forces on the particles; left out, gravity and contact (`RunOptions`).
       trajectory: whether to record all positions, velocities and spins (`Run.trajectory`).
       checkpoint: folder that keeps the runs as they go, as for `settle`.
 
@@ -100,6 +103,7 @@ def sedimentation(
         frames=frames,
         time_step=time_step,
         hindrance=recipe.hindrance,
+        forces=forces,
         progress=progress,
         trajectory=trajectory,
         checkpoint=checkpoint,

@@ -20,10 +20,10 @@ from mrjax.core.parameters import Parameters
 from mrjax.core.run import Fault, Run
 from mrjax.core.state import State, widened
 from mrjax.core.tracing import drop_tracers
+from mrjax.dem.force_bounds import force_bounds, plan_reach
 from mrjax.dem.plan import RunPlan, System
 from mrjax.io import state_file
 from mrjax.io.checkpoint import Checkpoint, refuse_foreign
-from mrjax.laws.hindrance import as_tree
 from mrjax.simulation import estimates, processes
 from mrjax.simulation.follow import resume, store
 from mrjax.simulation.options import RunKeywords, RunOptions, takes_run_options
@@ -87,10 +87,9 @@ def settle(
     """
     chosen = RunOptions(**{"skin": SKIN, **options})  # type: ignore[arg-type] # of RunKeywords
     refuse_foreign(checkpoint)
-    hindrance = as_tree(chosen.hindrance)
     rest = checks.positive(rest, "rest", "times the falling speed")
     each = list(states) if isinstance(states, Iterable) else [states]
-    systems = [System(state, parameters, hindrance, box) for state in each]
+    systems = [System.of(state, parameters, box, chosen.hindrance, chosen.forces) for state in each]
     settling = _expected(systems, chosen, frames, rest, longest)
     work = None
     if checkpoint is not None:
@@ -119,11 +118,9 @@ def _expected(
     Raises:
       InputError: an argument that cannot be used, or suspensions that do not settle.
     """
-    for system in systems:
-        checks.require_run_inputs(system.state, system.parameters, system.box)
     if not systems or len({system.particles for system in systems}) > 1:
         raise InputError("states differ in their number of particles, or there are none")
-    _, parameters, hindrance, box = systems[0]
+    _, parameters, hindrance, box, _ = systems[0]
     particles, numbers = systems[0].particles, drop_tracers(parameters)
     ways = [estimates.ways(numbers, box, system.state.position) for system in systems]
     way = estimates.Way(*np.max(ways, axis=0))
@@ -135,7 +132,9 @@ def _expected(
     if options.time_step is not None:
         time_step = checks.positive(options.time_step, "time_step", "s")
     else:
-        time_step = min(interval, estimates.step(numbers, box, particles, falling, hindrance))
+        bounds = force_bounds(systems[0], plan_reach(systems[0]))
+        step = estimates.step(numbers, box, particles, falling, hindrance, bounds)
+        time_step = min(interval, step)
     steps = estimates.TIMES_FREE_FALL * expectation / time_step
     return _Settling(interval, steps, time_step, rest, falling, longest)
 
@@ -154,7 +153,7 @@ def _checkpoint(
     """
     if processes.count() > 1:
         raise InputError("checkpoint: is kept by a single process; leave it out")
-    _, parameters, hindrance, box = systems[0]
+    _, parameters, hindrance, box, forces = systems[0]
     work = Checkpoint.open(
         folder,
         parameters=parameters,
@@ -166,6 +165,7 @@ def _checkpoint(
         skin=options.skin,
         rebuild_every=options.rebuild_every,
         hindrance=hindrance,
+        forces=forces,
         trajectory=options.trajectory,
         states=[state_file.arrays(system.state) for system in systems],
     )

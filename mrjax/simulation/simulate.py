@@ -5,7 +5,6 @@ from typing import Any, Unpack
 import jax
 import jax.numpy as jnp
 
-from mrjax.core import checks
 from mrjax.core.box import Box
 from mrjax.core.interruption import interruptible
 from mrjax.core.parameters import Parameters
@@ -14,7 +13,7 @@ from mrjax.core.state import State
 from mrjax.core.tracing import is_concrete, value_or_none
 from mrjax.dem.plan import RunPlan, System
 from mrjax.dem.scan import run_once
-from mrjax.laws.hindrance import BED_FRACTION, as_tree
+from mrjax.laws.hindrance import BED_FRACTION
 from mrjax.simulation.failure import failure
 from mrjax.simulation.options import RunKeywords, RunOptions, takes_run_options
 from mrjax.simulation.pieces import PiecewiseRun
@@ -62,8 +61,7 @@ def simulate(
       9.116 mm/day
     """
     chosen = RunOptions(**options)
-    checks.require_run_inputs(state, parameters, box)
-    system = System(state, parameters, as_tree(chosen.hindrance), box)
+    system = System.of(state, parameters, box, chosen.hindrance, chosen.forces)
     if not _is_plain(system):
         return _traced(system, plan_run(system, chosen, duration=duration, frames=frames))
     with interruptible() as stop:

@@ -11,7 +11,7 @@ import pytest
 import mrjax
 from mrjax.core.state import NOBODY, WALLS
 from mrjax.dem import contact_history
-from mrjax.dem.contact_history import PairHistory, ParticleHistory
+from mrjax.dem.contact_history import ParticleHistory
 from mrjax.dem.pairs import Pairs
 from mrjax.laws import vectors
 from tests.builders.particles import glass
@@ -205,8 +205,8 @@ def remembered(contacts):
     """The memory of listed pairs, with something else where no pair is present."""
     found = listed([*contacts])
     value = jnp.asarray(values(contacts, found, elsewhere=9.9))
-    sliding = tuple(factor * value for factor in FACTORS)
-    return PairHistory(sliding, tuple(10.0 * part for part in sliding)), found
+    sliding = jnp.stack([factor * value for factor in FACTORS])
+    return {"sliding": sliding, "rolling": 10.0 * sliding, "met": value}, found
 
 
 def test_both_surfaces_note_what_a_contact_remembers():
@@ -223,18 +223,13 @@ def test_both_surfaces_note_what_a_contact_remembers():
         held = partner[:, one] != NOBODY
         assert sorted(partner[held, one]) == sorted(known)
         value = np.array([known[other] for other in partner[held, one].tolist()])
-        for unit, vector in ((1.0, notes.sliding), (10.0, notes.rolling)):
+        for unit, vector in ((1.0, notes.memory["sliding"]), (10.0, notes.memory["rolling"])):
             for factor, part in zip(FACTORS, vector, strict=True):
                 np.testing.assert_array_equal(part[held, one], unit * (factor * value))
                 assert not part[~held, one].any()
-    assert (
-        contact_history.particles_from_pairs(PairHistory(None, memory.rolling), found).sliding
-        is None
-    )
-    assert (
-        contact_history.particles_from_pairs(PairHistory(memory.sliding, None), found).rolling
-        is None
-    )
+    for name in memory:
+        alone = contact_history.particles_from_pairs({name: memory[name]}, found)
+        assert list(alone.memory) == [name]
 
 
 def test_the_walls_have_six_ids_of_their_own():
@@ -268,7 +263,8 @@ def test_a_new_list_finds_every_memory_again():
             [0.7, 9.9, 0.6, 9.9, 9.9, 9.9],
         ]
     )
-    notes = ParticleHistory(old, tuple(factor * value for factor in FACTORS), None)
+    sliding = tuple(factor * value for factor in FACTORS)
+    notes = ParticleHistory(old, {"sliding": sliding})
     contacts = {
         (5, 0): -5.1,  # 0 and 5, now seen from 5
         (4, 1): -4.2,
@@ -283,16 +279,16 @@ def test_a_new_list_finds_every_memory_again():
     new = listed([*contacts])
     memory = contact_history.pairs_from_particles(notes, new)
     np.testing.assert_array_equal(
-        memory.sliding, np.multiply.outer(FACTORS, values(contacts, new)), strict=True
+        memory["sliding"], np.multiply.outer(FACTORS, values(contacts, new)), strict=True
     )
-    assert memory.rolling is None
+    assert list(memory) == ["sliding"]
 
     # What was not listed is forgotten for good.
     known = {(0, 5): 5.1, (1, 4): 4.2, (0, 3): 0.0, (1, UPPER_Y): 0.0, (2, UPPER_Z): 0.0}
     later = listed([*known])
     back = contact_history.pairs_from_particles(
         contact_history.particles_from_pairs(memory, new), later
-    ).sliding[0]
+    )["sliding"][0]
     np.testing.assert_array_equal(back, values(known, later))
 
 
@@ -306,8 +302,11 @@ def test_a_memory_survives_any_number_of_lists():
         memory = contact_history.pairs_from_particles(notes, found)
     opposite = {pair: CONTACTS.get(pair, -CONTACTS.get(pair[::-1], 0.0)) for pair in seen}
     expected = np.multiply.outer(FACTORS, values(opposite, found))
-    np.testing.assert_array_equal(memory.sliding, expected)
-    np.testing.assert_array_equal(memory.rolling, 10.0 * expected)
+    np.testing.assert_array_equal(memory["sliding"], expected)
+    np.testing.assert_array_equal(memory["rolling"], 10.0 * expected)
+    # A number is the same from either side.
+    same = {pair: CONTACTS.get(pair, CONTACTS.get(pair[::-1])) for pair in seen}
+    np.testing.assert_array_equal(memory["met"], values(same, found))
 
 
 # --- from run to run ------------------------------------------------------------------------------

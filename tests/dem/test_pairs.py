@@ -16,9 +16,8 @@ from hypothesis.extra import numpy as arrays
 
 import mrjax
 from mrjax import Box
-from mrjax.dem import neighbours, pairs
-from mrjax.dem.forces import kinematics
-from mrjax.dem.forces.kinematics import ParticleState
+from mrjax.dem import kinematics, neighbours, pairs
+from mrjax.dem.kinematics import ParticleState
 from mrjax.dem.neighbours import CELLS_OVERFULL, PAIRS_DROPPED, ListPlan
 from mrjax.dem.pairs import Pairs
 from mrjax.laws import normal

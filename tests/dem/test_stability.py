@@ -1,6 +1,7 @@
 """How near a bed is to instability: its fastest mode by power iteration, against a dense matrix."""
 
 from functools import cache, partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +11,9 @@ import pytest
 import mrjax
 from mrjax.core.units import Units
 from mrjax.dem import integrator, neighbours, pairs, stability
-from mrjax.laws import effective, particle
+from mrjax.dem.forces import ActiveLaws, Contact
+from mrjax.dem.pair_forces import PairForces, total_stiffness
+from mrjax.laws import particle
 
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12
 EXACT = 1e-12  # some ten roundings of numbers of order one
@@ -63,16 +66,30 @@ def _listed(position, radius, skin, *, plan, box):
     return pairs.list_pairs(found, box, position.T, radius, skin, plan.pairs)
 
 
+class Depth(NamedTuple):
+    """As much of the kinematics as the stiffness of a contact takes."""
+
+    overlap: jax.Array
+
+    @property
+    def gap(self):
+        return -self.overlap
+
+
+def stiffness(listed, overlap, parameters, sliding):
+    """Springs and dashpots of contacts at an overlap each, at a step of 1."""
+    contact = Contact(ActiveLaws(sliding=sliding, rolling=False, damped=True))
+    return total_stiffness(PairForces([contact], parameters), listed, Depth(overlap))
+
+
 @partial(jax.jit, static_argnames=("sliding", "calls"))
 def found_by_iteration(listed, overlap, radius, parameters, *, sliding, calls):
     """Rates of `calls` beds in a row, all the same; (calls,)."""
-    constants = effective.per_pair(parameters, None, *listed.surfaces)
+    springs = stiffness(listed, overlap, parameters, sliding)
     kicks = integrator.kick(parameters, 1.0), integrator.spin_kick(parameters, 1.0)
 
     def again(swing, _):
-        swing = stability.estimate_mode(
-            swing, listed, constants, overlap, radius, *kicks, sliding=sliding
-        )
+        swing = stability.estimate_mode(swing, listed, springs, radius, *kicks)
         return swing, swing.rate
 
     start = stability.initial_estimate(radius.shape[0], radius.dtype)
@@ -301,10 +318,8 @@ def test_a_contact_that_has_no_part_in_the_mode_of_before_is_found():
 
     @jax.jit
     def after(swing, listed, overlap, radius):
-        constants = effective.per_pair(parameters, None, *listed.surfaces)
-        return stability.estimate_mode(
-            swing, listed, constants, overlap, radius, *kicks, sliding=True
-        )
+        springs = stiffness(listed, overlap, parameters, sliding=True)
+        return stability.estimate_mode(swing, listed, springs, radius, *kicks)
 
     for _ in range(3):
         swing = after(swing, *rates[0])

@@ -18,8 +18,8 @@ from jax.interpreters import ad, batching, mlir, partial_eval
 
 import mrjax
 from mrjax.dem import engine, neighbours, pairs, scan
-from mrjax.dem.contact_history import PairHistory
-from mrjax.dem.forces import ActiveLaws, contact_law
+from mrjax.dem.forces import ActiveLaws
+from mrjax.dem.pair_forces import contact_law
 from mrjax.dem.pairs import Pairs
 from mrjax.kernel import arrays, pair_sum, primitive, summation
 from mrjax.kernel.llvm import codegen
@@ -193,9 +193,8 @@ def meeting(touches, laws=ALL, dtype="float64", seed=0, spare=3, mixed=False):
     def array(size: float, *shape: int):
         return jnp.asarray(size * random.uniform(-1.0, 1.0, shape), dtype)
 
-    memory = PairHistory(
-        *(array(0.02, 3, room) if acts else None for acts in (laws.sliding, laws.rolling))
-    )
+    acting = {"sliding": laws.sliding, "rolling": laws.rolling}
+    memory = {name: array(0.02, 3, room) for name, acts in acting.items() if acts}
     of_each = 3, PARTICLES
     # What has been travelled makes no gap an overlap, and no overlap one less deep than any before:
     # 0.02 > 2 sqrt(3) 0.005 + 0.002.
@@ -278,7 +277,7 @@ def test_any_number_of_pairs_that_touch(touches, dtype):
     )
     apart = ~np.array(touches, bool)
     for name in ("sliding", "rolling"):
-        kept, had = getattr(found.history, name), getattr(memory, name)
+        kept, had = found.history[name], memory[name]
         assert not kept[:, : len(touches)][:, apart].any()
         np.testing.assert_array_equal(kept[:, len(touches) :], had[:, len(touches) :])
     assert np.isfinite(found.force).all()

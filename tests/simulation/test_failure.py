@@ -58,7 +58,7 @@ def test_a_start_is_too_deep_by_the_smaller_of_two_radii(larger):
         apart = 4.0 * RADIUS - overlap * RADIUS
         return mrjax.place([[5e-3, 5e-3, 3e-3], [5e-3, 5e-3, 3e-3 + apart]])
 
-    refuse_deep_start(System(start(0.24), unlike, None, ROOM))
+    refuse_deep_start(System.of(start(0.24), unlike, ROOM))
     with pytest.raises(mrjax.SimulationError) as error:
         mrjax.follow(start(0.26), unlike, ROOM, duration=1e-4)
     assert str(error.value).startswith("at 0 s, particles 0 and 1, 0.26 radii deep: ")

@@ -1,30 +1,93 @@
-"""The forces on every particle, one file a force: contact, gravity.
+"""The forces on the particles, one file a force: contact, gravity; `force` says what a force is.
 
 Drag is linear in velocity and spin and part of the integrator, which solves it exactly. Of Eq. 1
 (Son 2018) the magnetic and the weak forces are left out, as in the paper.
 """
 
-from mrjax.dem.forces.contact import (
-    ActiveLaws,
-    ContactForces,
-    active_laws,
-    contact_force,
-    contact_law,
+import importlib
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+from mrjax.core.errors import InputError, shown
+from mrjax.core.parameters import Parameters
+from mrjax.dem.forces.contact import ActiveLaws, Contact, active_laws
+from mrjax.dem.forces.force import (
+    BodyForce,
+    Force,
+    PairForce,
+    Particles,
+    Stiffness,
+    Wrench,
 )
-from mrjax.dem.forces.gravity import net_weight
+from mrjax.dem.forces.gravity import Gravity, net_weight
 
 # Their names of before.
-of_contacts = contact_law
 pull = net_weight
 Laws = ActiveLaws
 laws = active_laws
-Loads = ContactForces
+
+
+def active_forces(forces: Sequence[Force] | None, parameters: Parameters) -> tuple[Force, ...]:
+    """The forces of a run, without the parts whose coefficients are known to be zero.
+
+    Args:
+      forces: the list of a call; None for the bundled ones, gravity and contact.
+      parameters: of the run.
+
+    Raises:
+      InputError: something that is no force, or two forces that remember by one name.
+    """
+    given = (Gravity(), Contact()) if forces is None else forces
+    if isinstance(given, Force) or not isinstance(given, Sequence):
+        raise InputError(
+            f"forces = {shown(given)}: give a list, [mrjax.Gravity(), mrjax.Contact()]"
+        )
+    for place, force in enumerate(given):
+        if not isinstance(force, Force):
+            raise InputError(
+                f"forces[{place}] = {shown(force)}: give a force such as mrjax.Contact(), or one "
+                "of a class of your own, derived from mrjax.PairForce or mrjax.BodyForce"
+            )
+    active = tuple(force.active(parameters) for force in given)
+    names = Counter(
+        name for force in active if isinstance(force, PairForce) for name in force.memory()
+    )
+    for name, times in names.items():
+        if times > 1:
+            raise InputError(
+                f"forces: {times} of them remember {name!r}; give each memory a name of its own"
+            )
+    return active
+
+
+def with_gravity_of(forces: Sequence[Force], parameters: Parameters) -> Parameters:
+    """The parameters with the gravity of the list: along z, and zero where nothing in it weighs."""
+    for force in forces:
+        if isinstance(force, Gravity):
+            return force.parameters(parameters)
+    return parameters.replace(gravity=0.0)
+
+
+def __getattr__(name: str) -> Any:
+    """The sum of the contacts of a list, by its names of before."""
+    if name in ("of_contacts", "contact_law", "ContactForces", "Loads"):
+        return getattr(importlib.import_module("mrjax.dem.pair_forces"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
 
 __all__ = [
     "ActiveLaws",
-    "ContactForces",
+    "BodyForce",
+    "Contact",
+    "Force",
+    "Gravity",
+    "PairForce",
+    "Particles",
+    "Stiffness",
+    "Wrench",
+    "active_forces",
     "active_laws",
-    "contact_force",
-    "contact_law",
     "net_weight",
+    "with_gravity_of",
 ]

@@ -8,6 +8,7 @@ function interface.
 
 import ctypes
 import hashlib
+import sys
 from functools import cache
 from threading import Lock
 
@@ -17,7 +18,7 @@ from llvmlite import binding, ir
 from ..loop import Kind, Operand, PairLoop, Slot, slots
 from . import threads
 from .chunks import chunk_stages
-from .jaxpr import FREE, INT, LONG, POINTER, TYPES, counted, translate
+from .jaxpr import FREE, FUNCTIONS, INT, LONG, POINTER, TYPES, counted, translate
 from .xla_ffi import NULL, CallFrame
 
 VECTOR, LINEAR = 32, 64
@@ -69,6 +70,10 @@ def registered(loop: PairLoop, particles: int, room: int) -> str:
 def _machine() -> binding.TargetMachine:
     binding.initialize_native_target()
     binding.initialize_native_asmprinter()
+    library = ctypes.CDLL("ucrtbase" if sys.platform == "win32" else None)
+    for name in FUNCTIONS.values():
+        address = ctypes.cast(getattr(library, name), ctypes.c_void_p).value
+        binding.add_symbol(name, address)
     return binding.Target.from_default_triple().create_target_machine(
         cpu=binding.get_host_cpu_name(),
         features=binding.get_host_cpu_features().flatten(),

@@ -87,12 +87,27 @@ def translate(
 
 
 def _type(dtype: np.dtype, lanes: int | None) -> ir.Type:
+    """The type of a number, or of one in each lane.
+
+    Raises:
+      NotImplementedError: a kind of number that has no type here.
+    """
+    if dtype.name not in TYPES:
+        raise NotImplementedError(f"{dtype.name} has no machine code here")
     kind = TYPES[dtype.name]
     return kind if lanes is None else ir.VectorType(kind, lanes)
 
 
 def _constant(value: object, dtype: np.dtype, lanes: int | None) -> ir.Constant:
-    number = TYPES[dtype.name](np.asarray(value).item())
+    """A number, or the same number in each lane.
+
+    Raises:
+      NotImplementedError: it is an array, or of another kind of number.
+    """
+    array = np.asarray(value)
+    if array.size > 1:
+        raise NotImplementedError("a table has no machine code here")
+    number = _type(dtype, None)(array.item())
     return number if lanes is None else ir.Constant(_type(dtype, lanes), [number] * lanes)
 
 
@@ -102,7 +117,22 @@ ARITHMETIC = {"add": "fadd", "add_any": "fadd", "sub": "fsub", "mul": "fmul", "d
 WHOLE = {"add": "add", "add_any": "add", "sub": "sub", "mul": "mul"}
 ORDER = {"lt": "<", "le": "<=", "gt": ">", "ge": ">=", "eq": "==", "ne": "!="}
 LOGIC = {"and": "and_", "or": "or_", "xor": "xor"}
-INTRINSIC = {"sqrt": "llvm.sqrt", "abs": "llvm.fabs", "max": "llvm.maximum", "min": "llvm.minimum"}
+INTRINSIC = {
+    "sqrt": "llvm.sqrt",
+    "abs": "llvm.fabs",
+    "max": "llvm.maximum",
+    "min": "llvm.minimum",
+    "floor": "llvm.floor",
+    "ceil": "llvm.ceil",
+}
+COMPOSED = ("rsqrt", "logistic", "sign", "clamp")
+FUNCTIONS = {
+    **{name: name for name in ("exp", "exp2", "expm1", "log", "log1p", "pow", "erf", "erfc")},
+    **{name: name for name in ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "cbrt")},
+    **{name: name for name in ("sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "lgamma")},
+    "rem": "fmod",
+}
+"""Operations of JAX, and the functions of the C library that compute them."""
 
 
 def _operation(build: ir.IRBuilder, equation, given: list[ir.Value], lanes: int | None) -> ir.Value:
@@ -114,6 +144,8 @@ def _operation(build: ir.IRBuilder, equation, given: list[ir.Value], lanes: int 
     name, kind = equation.primitive.name, equation.outvars[0].aval.dtype
     of = equation.invars[0].aval.dtype
     real = of.kind == "f"
+    if len(equation.outvars) > 1 or any(atom.aval.shape for atom in equation.outvars):
+        raise NotImplementedError(f"{name} gives more than one number, which has no machine code")
     if name in SAME or (name == "reduce_sum" and not equation.params["axes"]):
         return given[0]
     if name in ARITHMETIC and real:
@@ -129,6 +161,9 @@ def _operation(build: ir.IRBuilder, equation, given: list[ir.Value], lanes: int 
         return getattr(build, LOGIC[name])(*given)
     if name == "not":
         return build.not_(*given)
+    if name == "is_finite":
+        size = build.call(_intrinsic(build.module, "llvm.fabs", of, lanes, 1), given)
+        return build.fcmp_ordered("<", size, _constant(np.inf, of, lanes))
     if name == "neg" and real:
         return build.fneg(*given)
     if name in INTRINSIC and real:
@@ -139,6 +174,10 @@ def _operation(build: ir.IRBuilder, equation, given: list[ir.Value], lanes: int 
         return build.fmul(given[0], given[0], flags=FREE)
     if name == "integer_pow" and real:
         return _power(build, given[0], equation.params["y"], _constant(1.0, of, lanes))
+    if name in COMPOSED and real:
+        return _composed(build, name, given, of, lanes)
+    if name in FUNCTIONS and real and all(atom.aval.dtype == of for atom in equation.invars):
+        return _function_of_library(build, FUNCTIONS[name], given, of, lanes)
     if name == "convert_element_type":
         return _converted(build, given[0], of, kind, _type(kind, lanes))
     raise NotImplementedError(f"{name} of {of} has no machine code here")
@@ -152,6 +191,50 @@ def _intrinsic(
         return module.globals[name]
     kind = _type(dtype, lanes)
     return ir.Function(module, ir.FunctionType(kind, [kind] * arguments), name)
+
+
+def _composed(
+    build: ir.IRBuilder, name: str, given: list[ir.Value], dtype: np.dtype, lanes: int | None
+) -> ir.Value:
+    """An operation that is made of others: 1/sqrt(x), 1/(1 + e^-x), the sign, within bounds."""
+    zero, one = _constant(0.0, dtype, lanes), _constant(1.0, dtype, lanes)
+    if name == "rsqrt":
+        root = build.call(_intrinsic(build.module, "llvm.sqrt", dtype, lanes, 1), given)
+        return build.fdiv(one, root)
+    if name == "logistic":
+        negative = [build.fneg(given[0])]
+        return build.fdiv(
+            one, build.fadd(one, _function_of_library(build, "exp", negative, dtype, lanes))
+        )
+    if name == "sign":  # zero and NaN are their own
+        negative = build.select(build.fcmp_ordered("<", given[0], zero), build.fneg(one), given[0])
+        return build.select(build.fcmp_ordered(">", given[0], zero), one, negative)
+    least, value, most = given
+    above = build.call(_intrinsic(build.module, "llvm.maximum", dtype, lanes, 2), [least, value])
+    return build.call(_intrinsic(build.module, "llvm.minimum", dtype, lanes, 2), [above, most])
+
+
+def _function_of_library(
+    build: ir.IRBuilder, name: str, given: list[ir.Value], dtype: np.dtype, lanes: int | None
+) -> ir.Value:
+    """A function of the C library in double precision, lane by lane."""
+    double = TYPES["float64"]
+    if name not in build.module.globals:
+        ir.Function(build.module, ir.FunctionType(double, [double] * len(given)), name)
+    function, single = build.module.globals[name], dtype.itemsize < 8
+
+    def value(arguments: list[ir.Value]) -> ir.Value:
+        wide = [build.fpext(one, double) if single else one for one in arguments]
+        result = build.call(function, wide)
+        return build.fptrunc(result, TYPES[dtype.name]) if single else result
+
+    if lanes is None:
+        return value(given)
+    whole = ir.VectorType(TYPES[dtype.name], lanes)(ir.Undefined)
+    for lane in map(INT, range(lanes)):
+        result = value([build.extract_element(argument, lane) for argument in given])
+        whole = build.insert_element(whole, result, lane)
+    return whole
 
 
 def _power(build: ir.IRBuilder, base: ir.Value, exponent: int, one: ir.Value) -> ir.Value:
@@ -178,4 +261,6 @@ def _converted(
             return build.zext(value, kind)
         case "i", "i":
             return (build.sext if wider else build.trunc)(value, kind)
+        case "f", "i":
+            return build.fptosi(value, kind)
     raise NotImplementedError(f"{old} to {new} has no machine code here")

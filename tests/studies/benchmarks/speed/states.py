@@ -55,13 +55,13 @@ def dry() -> Parameters:
 def dry_run(state: State, box: Box, steps: int, rebuild_every: int | None = None) -> RunPlan:
     """So many steps of the particles in a vacuum, in one frame."""
     options = RunOptions(time_step=TIME_STEP, skin=SKIN, rebuild_every=rebuild_every)
-    system = System(state, dry(), None, box)
+    system = System.of(state, dry(), box)
     return plan_run(system, options, duration=steps * TIME_STEP, frames=1)
 
 
 def run(state: State, parameters: Parameters, box: Box, plan: RunPlan) -> Run:
     """A run as `mrjax.simulate` makes it, with all decided."""
-    whole = PiecewiseRun(System(state, parameters, None, box), plan, stop=Stop())
+    whole = PiecewiseRun(System.of(state, parameters, box), plan, stop=Stop())
     whole.advance(plan.schedule.frames)
     return whole.run()
 

@@ -35,6 +35,11 @@ class PairKinematics(NamedTuple):
     slip: Vector  # velocity of the surface along the partner's, m/s
     rolling: Vector  # spin relative to the partner's, without its part along the normal, rad/s
 
+    @property
+    def gap(self) -> Array:
+        """Distance between the surfaces, m; negative where they overlap."""
+        return -self.overlap
+
 
 def separation(
     particle: ParticleState, partner: ParticleState, at_build: Vector, axis: Array

@@ -1,0 +1,127 @@
+"""Bounds on the forces of a list beside weight and Hertz contact, for the step of a run."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from mrjax.core.box import LARGEST
+from mrjax.core.errors import InputError
+from mrjax.core.parameters import Parameters
+from mrjax.core.state import State
+from mrjax.core.tracing import drop_tracers, evaluated_or_none
+from mrjax.dem.forces import BodyForce, Contact, Gravity, PairForce, Particles
+from mrjax.dem.kinematics import ParticleState, pair_kinematics
+from mrjax.dem.plan import System
+from mrjax.laws import particle
+from mrjax.laws.effective import SurfacePairs
+from mrjax.laws.vectors import dot
+
+GAPS = 65
+"""Gaps at which a pair force is looked at, from a small overlap to its reach."""
+DEEPEST = 0.05
+"""The deepest overlap looked at, in radii."""
+SAMPLED = 64
+"""Particles that are looked at, evenly by size."""
+
+
+class ForceBounds(NamedTuple):
+    """Greatest values of all forces but weight and contact together."""
+
+    stiffness: float = 0.0
+    """|dF/dh| of a pair, N/m."""
+    pair_force: float = 0.0
+    """Force of a pair, N."""
+    acceleration: float = 0.0
+    """By body forces at the start, m/s^2."""
+
+
+NO_OTHER_FORCES = ForceBounds()
+
+
+def force_bounds(system: System, reach: tuple[float, ...]) -> ForceBounds:
+    """The bounds of a system; those that depend on traced values are left out.
+
+    Args:
+      system: in SI.
+      reach: of each pair force, m.
+    """
+    state, numbers = system.state, drop_tracers(system.parameters)
+    stiffness = pair_force = acceleration = 0.0
+    gaps = dict(zip(map(id, system.pair_forces), reach, strict=True))
+    for force in system.forces:
+        known = drop_tracers(force)
+        if isinstance(force, PairForce) and not isinstance(force, Contact):
+            found = evaluated_or_none(_of_pair, known, numbers, state.material, gaps[id(force)])
+            if found is not None:
+                stiffness, pair_force = stiffness + float(found[0]), pair_force + float(found[1])
+        if isinstance(force, BodyForce) and not isinstance(force, Gravity):
+            found = evaluated_or_none(_of_bodies, known, numbers, drop_tracers(state))
+            acceleration += 0.0 if found is None else float(found)
+    return ForceBounds(stiffness, pair_force, acceleration)
+
+
+def _of_pair(
+    force: PairForce, numbers: Parameters, material: Array | None, reach: float
+) -> tuple[Array, Array]:
+    """Greatest stiffness and force over gaps, of particles with their like and with a wall."""
+    coated = particle.coated_particle(numbers)
+    leaves = [*coated] if material is None else [*coated, material]
+    count = next((len(leaf) for leaf in leaves if jnp.ndim(leaf)), 1)
+    order = np.argsort(np.broadcast_to(coated.radius, count))
+    ids = order[np.linspace(0, count - 1, min(count, SAMPLED)).astype(int)]
+    first = np.tile(ids, 2)
+    wall = np.arange(len(first)) >= len(ids)
+    coefficients = force.coefficients(
+        numbers, SurfacePairs(first, np.where(wall, count, first), wall, material, coated)
+    )
+    radius = jnp.broadcast_to(coated.radius, count)[first]
+    still, axis = (jnp.zeros(len(first)),) * 3, jnp.where(wall, 0, -1)
+
+    def at(share: Array) -> tuple[Array, Array]:
+        gap = share * (reach + DEEPEST * radius) - DEEPEST * radius
+        along = jnp.where(wall, 1.0, 2.0) * radius + gap
+        surface = ParticleState(still, still, still, radius, still)
+        kinematics = pair_kinematics(surface, surface, (along, *still[:2]), axis)
+        nothing = {
+            name: still if kind.size > 1 else still[0] for name, kind in force.memory().items()
+        }
+        wrench, _ = force(kinematics, coefficients, nothing, 0.0)
+        size = jnp.sqrt(dot(wrench.force, wrench.force))
+        stiffness = force.stiffness(kinematics, coefficients, 1.0)
+        return jnp.max(jnp.asarray(stiffness.normal)), jnp.max(size)
+
+    found = [at(jnp.asarray(share)) for share in np.linspace(0.0, 1.0, GAPS)]
+    stiffest, strongest = (jnp.max(jnp.stack(values)) for values in zip(*found, strict=True))
+    return stiffest, strongest
+
+
+def _of_bodies(force: BodyForce, numbers: Parameters, state: State) -> Array:
+    """Greatest acceleration at the start."""
+    particles = Particles(state.position.T, state.velocity.T, state.spin.T)
+    pushed = jnp.asarray(force(numbers, particles).force)
+    return jnp.max(jnp.sqrt(jnp.sum(pushed**2, axis=0)) / particle.inertia(numbers))
+
+
+def plan_reach(system: System) -> tuple[float, ...]:
+    """The reach of each pair force, m.
+
+    Raises:
+      InputError: it is traced, or no length.
+    """
+    reach = []
+    for force in system.pair_forces:
+        name, known = (
+            type(force).__name__,
+            evaluated_or_none(drop_tracers(force).reach, drop_tracers(system.parameters)),
+        )
+        if known is None:
+            raise InputError(
+                f"the reach of {name} is traced by jit or vmap; it fixes the neighbour list, so "
+                "let reach() give a number in m that does not depend on traced values"
+            )
+        if not 0.0 <= known <= LARGEST:
+            raise InputError(f"the reach of {name} is {known:g} m: give a length, 0 for contact")
+        reach.append(float(known))
+    return tuple(reach)

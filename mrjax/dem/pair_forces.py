@@ -1,0 +1,279 @@
+"""All forces between pairs of surfaces, summed in one compiled loop.
+
+Each force is written for one pair, its vectors kept apart by component. The kernel sums them over
+the pairs of a list, each once.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, TypeVar
+
+import jax
+import jax.numpy as jnp
+from jax import Array, lax
+
+from mrjax.core.parameters import Parameters
+from mrjax.dem.coefficients import CoefficientArrays
+from mrjax.dem.contact_history import History, Remembered
+from mrjax.dem.forces.contact import ActiveLaws, Contact
+from mrjax.dem.forces.force import PairForce, Wrench
+from mrjax.dem.kinematics import PairKinematics, ParticleState, pair_kinematics, separation
+from mrjax.dem.pairs import Pairs
+from mrjax.kernel import pair_sum
+from mrjax.laws import particle
+from mrjax.laws.effective import SurfacePairs
+from mrjax.laws.particle import CoatedParticle
+from mrjax.laws.vectors import Vector, dot, plus, times
+
+Tree = TypeVar("Tree")
+
+
+class PairForceSums(NamedTuple):
+    """Forces and torques of all pairs on every particle at one moment, and what pairs remember."""
+
+    force: Array  # N, times the gain, (3, N)
+    torque: Array  # N m, times the gain, (3, N)
+    history: History
+    deepest: Array  # overlap of each pair so far, m; (P,)
+
+
+SumOverPairs = Callable[[Array, Array, Array, History, Array, Array], PairForceSums]
+
+
+class PairForces:
+    """The pair forces of a run, with all that does not change during it computed once."""
+
+    def __init__(
+        self,
+        forces: Sequence[PairForce],
+        parameters: Parameters,
+        *,
+        reach: Sequence[float] = (),
+        material: Array | None = None,
+        coated: CoatedParticle | None = None,
+        time_step: float = 1.0,
+    ) -> None:
+        """The forces between the surfaces of these particles.
+
+        Args:
+          forces: in the system of units of the parameters.
+          parameters: in one coherent system of units.
+          reach: of each force, the largest gap at which it acts; left out, all act in contact only.
+          material: of each particle, (N,); None where all are of one.
+          coated: the coated particles; left out, of the parameters.
+          time_step: by which memories advance at every evaluation.
+        """
+        self.forces, self.parameters, self.material = tuple(forces), parameters, material
+        self.reach = tuple(reach) or (0.0,) * len(self.forces)
+        self.coated = particle.coated_particle(parameters) if coated is None else coated
+        self.time_step = time_step
+
+    def on(self, pairs: Pairs) -> SumOverPairs:
+        """The sum over the pairs of a list.
+
+        It takes displacements since the list was built, velocities and spins, (3, N) each, the
+        history of the pairs, the deepest overlap of each before, (P,), and by what forces and
+        torques are multiplied, (2,) or (2, N). Multiplied by the gains of a step they are what the
+        step adds to velocities and spins, and reverse mode has no forces to keep.
+        """
+        return _SumOverList(self, pairs).forces
+
+
+class _Particles(NamedTuple):
+    """Operands of every particle."""
+
+    displacement: Vector
+    velocity: Vector
+    spin: Vector
+    radius: Array | None  # None where all are equal
+    gains: Vector | None
+
+
+class _Pairs(NamedTuple):
+    """Operands of every pair."""
+
+    separation: Vector  # when the list was built
+    axis: Array
+    coefficients: Sequence[Vector | None]  # of each force; None where equal for all or for a kind
+
+
+class _Shared(NamedTuple):
+    """Operands of all pairs."""
+
+    coefficients: Sequence[Sequence[Vector]]  # of each force
+    gains: Vector | None
+
+
+class _Memory(NamedTuple):
+    """Memory of every pair."""
+
+    history: Sequence[Sequence[Vector]]  # of each force, in the order of its names
+    deepest: Array
+
+
+class _SumOverList:
+    """The forces of the pairs of one list."""
+
+    def __init__(self, law: PairForces, pairs: Pairs) -> None:
+        self.law, self.pairs = law, pairs
+        self.coefficients = [
+            CoefficientArrays.of_pairs(force, law.parameters, law.coated, law.material, pairs)
+            for force in law.forces
+        ]
+        self.names = [tuple(force.memory()) for force in law.forces]
+        self.radius = law.coated.radius if jnp.ndim(law.coated.radius) else None
+        self.separation = jnp.stack(pairs.separation)
+
+    def forces(
+        self,
+        displacement: Array,
+        velocity: Array,
+        spin: Array,
+        history: History,
+        deepest: Array,
+        gains: Array,
+    ) -> PairForceSums:
+        """Forces and torques at one moment, and what the pairs remember of it."""
+        if not self.law.forces:
+            nothing = jnp.zeros_like(velocity)
+            return PairForceSums(nothing, nothing, history, deepest)
+        alike = gains.ndim == 1
+        sums, memory = pair_sum(
+            self._law,
+            self._in_reach,
+            self.pairs.first,
+            self.pairs.second,
+            self.pairs.count,
+            particles=_Particles(
+                displacement, velocity, spin, self.radius, None if alike else gains
+            ),
+            pairs=_Pairs(
+                self.separation, self.pairs.axis, [one.by_pair for one in self.coefficients]
+            ),
+            memory=_Memory([[history[name] for name in names] for names in self.names], deepest),
+            shared=_Shared([one.shared for one in self.coefficients], gains if alike else None),
+            lasting=_Memory(False, True),  # type: ignore[arg-type] # a truth for each
+        )
+        torque = sums["torque"] if "torque" in sums else jnp.zeros_like(sums["force"])
+        later = {
+            name: value
+            for names, values in zip(self.names, memory.history, strict=True)
+            for name, value in zip(names, values, strict=True)
+        }
+        return PairForceSums(sums["force"], torque, later, memory.deepest)
+
+    def _state(self, operands: _Particles, shared: _Shared) -> ParticleState:
+        """One of the two surfaces."""
+        displacement, velocity, spin, radius, gains = operands
+        if radius is None:
+            radius = self.coefficients[0].equal_radius(shared.coefficients[0])
+        multiplied = shared.gains if gains is None else gains
+        assert multiplied is not None  # by every particle or by all
+        return ParticleState(displacement, velocity, spin, radius, multiplied)
+
+    def _in_reach(
+        self, first: _Particles, second: _Particles, pair: _Pairs, shared: _Shared, _: _Memory
+    ) -> Array:
+        """True if the surfaces overlap, or the gap is within the reach of a force."""
+        particle, partner = self._state(first, shared), self._state(second, shared)
+        between = separation(particle, partner, pair.separation, pair.axis)
+        distance = particle.radius + jnp.where(pair.axis < 0, partner.radius, 0.0)
+        if gap := max(self.law.reach):
+            distance = distance + gap
+        return dot(between, between) < distance**2
+
+    def _law(
+        self, first: _Particles, second: _Particles, pair: _Pairs, shared: _Shared, memory: _Memory
+    ) -> tuple[dict[str, Vector], dict[str, Vector], _Memory]:
+        """Forces and torques of a pair on both particles, times their gains, and its new memory."""
+        particle, partner = self._state(first, shared), self._state(second, shared)
+        terms = [
+            coefficients.of_pair(shared.coefficients[n], pair.coefficients[n], pair.axis)
+            for n, coefficients in enumerate(self.coefficients)
+        ]
+        kinematics = pair_kinematics(particle, partner, pair.separation, pair.axis)
+        wrenches, history = [], []
+        for n, (force, own) in enumerate(terms):
+            remembered = dict(zip(self.names[n], memory.history[n], strict=True))
+            wrench, new = force(kinematics, own, remembered, self.law.time_step)
+            if self.law.reach[n] < max(self.law.reach):
+                acts = kinematics.gap < self.law.reach[n]
+                wrench, new = _where(acts, wrench), _where(acts, dict(new))
+            wrenches.append(wrench)
+            history.append([new[name] for name in self.names[n]])
+        total, torque, partner_torque = _total(wrenches)
+        on_particle = {"force": times(particle.gains[0], total)}
+        on_partner = {"force": times(-partner.gains[0], total)}
+        if torque is not None and partner_torque is not None:
+            on_particle["torque"] = times(particle.gains[1], torque)
+            on_partner["torque"] = times(partner.gains[1], partner_torque)
+        # Recorded for the observer: no force reads it.
+        deepest = lax.stop_gradient(jnp.maximum(memory.deepest, kinematics.overlap))
+        return on_particle, on_partner, _Memory(history, deepest)
+
+
+def _total(wrenches: Sequence[Wrench]) -> Wrench:
+    """The sum of forces and torques; both torques, or none."""
+    total, *others = wrenches
+    for wrench in others:
+        total = Wrench(
+            plus(total.force, 1.0, wrench.force),
+            _sum(total.torque, wrench.torque),
+            _sum(total.partner_torque, wrench.partner_torque),
+        )
+    if total.torque is None and total.partner_torque is None:
+        return total
+    nothing = (jnp.zeros_like(total.force[0]),) * 3
+    return Wrench(
+        total.force, _sum(total.torque, None, nothing), _sum(total.partner_torque, None, nothing)
+    )
+
+
+def _sum(one: Vector | None, other: Vector | None, nothing: Vector | None = None) -> Vector | None:
+    if one is None or other is None:
+        known = other if one is None else one
+        return nothing if known is None else known
+    return plus(one, 1.0, other)
+
+
+def _where(acts: Array, tree: Tree) -> Tree:
+    """A tree of scalars where a force acts, zeros elsewhere."""
+    return jax.tree.map(lambda leaf: jnp.where(acts, leaf, 0.0), tree)
+
+
+def memory_of(forces: Sequence[PairForce]) -> dict[str, Remembered]:
+    """What pairs remember, by name, of all forces together."""
+    return {name: kind for force in forces for name, kind in force.memory().items()}
+
+
+def total_stiffness(
+    law: PairForces, pairs: Pairs, kinematics: PairKinematics
+) -> tuple[Array, Array]:
+    """Dt K + 2 c of every pair by all forces, normal and tangential; (P,) each."""
+    surfaces = SurfacePairs(*pairs.surfaces, law.material, law.coated)
+    nothing = jnp.zeros_like(kinematics.overlap)
+    in_normal, in_plane = nothing, nothing
+    for force, reach in zip(law.forces, law.reach, strict=True):
+        acts = pairs.present & (kinematics.gap < reach)
+        along, across = force.stiffness(
+            kinematics, force.coefficients(law.parameters, surfaces), law.time_step
+        )
+        in_normal += jnp.where(acts, along, 0.0)
+        in_plane += jnp.where(acts, across, 0.0)
+    return in_normal, in_plane
+
+
+def contact_law(
+    parameters: Parameters,
+    *,
+    laws: ActiveLaws,
+    material: Array | None = None,
+    coated: CoatedParticle | None = None,
+    time_step: float = 1.0,
+) -> Callable[[Pairs], SumOverPairs]:
+    """`PairForces.on` of `Contact` alone; its name of before."""
+    arguments = {"material": material, "coated": coated, "time_step": time_step}
+    return PairForces((Contact(laws),), parameters, **arguments).on  # type: ignore[arg-type]
+
+
+of_contacts = contact_law
+ContactForces = Loads = PairForceSums
