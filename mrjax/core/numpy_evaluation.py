@@ -57,10 +57,12 @@ def _evaluate(closed: ClosedJaxpr, *arguments: ArrayLike) -> list[np.ndarray]:
 
 ELEMENTWISE = {
     "abs": np.abs, "acosh": np.arccosh, "add": np.add, "add_any": np.add, "and": np.bitwise_and,
-    "atan2": np.arctan2, "cbrt": np.cbrt, "eq": np.equal, "exp": np.exp, "ge": np.greater_equal,
-    "gt": np.greater, "le": np.less_equal, "log": np.log, "lt": np.less, "max": np.maximum,
+    "atan2": np.arctan2, "cbrt": np.cbrt, "cos": np.cos, "eq": np.equal, "exp": np.exp,
+    "expm1": np.expm1, "ge": np.greater_equal, "gt": np.greater, "le": np.less_equal,
+    "log": np.log, "log1p": np.log1p, "lt": np.less, "max": np.maximum,
     "min": np.minimum, "mul": np.multiply, "ne": np.not_equal, "neg": np.negative,
-    "not": np.invert, "or": np.bitwise_or, "pow": np.power, "sqrt": np.sqrt, "sub": np.subtract,
+    "not": np.invert, "or": np.bitwise_or, "pow": np.power, "sign": np.sign,
+    "sin": np.sin, "sqrt": np.sqrt, "square": np.square, "sub": np.subtract, "tanh": np.tanh,
 }  # fmt: skip
 REDUCTIONS = {
     "reduce_and": np.bitwise_and, "reduce_max": np.maximum, "reduce_min": np.minimum,

@@ -1,18 +1,21 @@
 """Bounds on the forces of a list beside weight and Hertz contact, for the step of a run."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 from mrjax.core.box import LARGEST
 from mrjax.core.errors import InputError
+from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.core.parameters import Parameters
 from mrjax.core.state import State
 from mrjax.core.tracing import drop_tracers, evaluated_or_none
 from mrjax.dem.forces import BodyForce, Contact, Gravity, PairForce, Particles
-from mrjax.dem.kinematics import ParticleState, pair_kinematics
+from mrjax.dem.kinematics import PairKinematics, ParticleState, pair_kinematics
+from mrjax.dem.pair_forces import over_pairs
 from mrjax.dem.plan import System
 from mrjax.laws import particle
 from mrjax.laws.effective import SurfacePairs
@@ -69,32 +72,33 @@ def _of_pair(
     coated = particle.coated_particle(numbers)
     leaves = [*coated] if material is None else [*coated, material]
     count = next((len(leaf) for leaf in leaves if jnp.ndim(leaf)), 1)
-    order = np.argsort(np.broadcast_to(coated.radius, count))
-    ids = order[np.linspace(0, count - 1, min(count, SAMPLED)).astype(int)]
-    first = np.tile(ids, 2)
-    wall = np.arange(len(first)) >= len(ids)
+    sizes = np.broadcast_to(coated.radius, count)
+    ids = np.argsort(sizes)[np.linspace(0, count - 1, min(count, SAMPLED)).astype(int)]
+    first = np.tile(ids, 2 * GAPS)
+    wall = np.arange(2 * len(ids)) >= len(ids)
+    wall = np.tile(wall, GAPS)
+    radius = sizes[first]
     coefficients = force.coefficients(
         numbers, SurfacePairs(first, np.where(wall, count, first), wall, material, coated)
     )
-    radius = jnp.broadcast_to(coated.radius, count)[first]
-    still, axis = (jnp.zeros(len(first)),) * 3, jnp.where(wall, 0, -1)
+    share = np.repeat(np.linspace(0.0, 1.0, GAPS), 2 * len(ids))
+    gap = share * (reach + DEEPEST * radius) - DEEPEST * radius
+    law = force.for_one_pair()
 
-    def at(share: Array) -> tuple[Array, Array]:
-        gap = share * (reach + DEEPEST * radius) - DEEPEST * radius
-        along = jnp.where(wall, 1.0, 2.0) * radius + gap
+    def at(pair: PairKinematics, own: Any) -> tuple[Array, Array]:
+        wrench, _ = law(pair, own, law.blank_memory(pair.overlap), 0.0)
+        stiffness = law.stiffness(pair, own, 1.0).normal
+        return jnp.asarray(stiffness), jnp.sqrt(dot(wrench.force, wrench.force))
+
+    @jax.jit
+    def greatest(gap: Array, radius: Array, coefficients: Any) -> tuple[Array, ...]:
+        still = (jnp.zeros_like(gap),) * 3
         surface = ParticleState(still, still, still, radius, still)
-        kinematics = pair_kinematics(surface, surface, (along, *still[:2]), axis)
-        nothing = {
-            name: still if kind.size > 1 else still[0] for name, kind in force.memory().items()
-        }
-        wrench, _ = force(kinematics, coefficients, nothing, 0.0)
-        size = jnp.sqrt(dot(wrench.force, wrench.force))
-        stiffness = force.stiffness(kinematics, coefficients, 1.0)
-        return jnp.max(jnp.asarray(stiffness.normal)), jnp.max(size)
+        along = jnp.where(wall, 1.0, 2.0) * radius + gap
+        pairs = pair_kinematics(surface, surface, (along, *still[:2]), jnp.where(wall, 0, -1))
+        return tuple(jnp.max(values) for values in over_pairs(at, pairs, coefficients))
 
-    found = [at(jnp.asarray(share)) for share in np.linspace(0.0, 1.0, GAPS)]
-    stiffest, strongest = (jnp.max(jnp.stack(values)) for values in zip(*found, strict=True))
-    return stiffest, strongest
+    return evaluate_with_numpy(greatest, gap, radius, coefficients)
 
 
 def _of_bodies(force: BodyForce, numbers: Parameters, state: State) -> Array:

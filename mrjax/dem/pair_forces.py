@@ -5,7 +5,8 @@ the pairs of a list, each once.
 """
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, TypeVar
+from functools import partial
+from typing import Any, NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -245,6 +246,20 @@ def memory_of(forces: Sequence[PairForce]) -> dict[str, Remembered]:
     return {name: kind for force in forces for name, kind in force.memory().items()}
 
 
+def over_pairs(
+    law: Callable[[PairKinematics, Any], Tree], kinematics: PairKinematics, coefficients: Any
+) -> Tree:
+    """A law of one pair for P pairs, with arrays.
+
+    Args:
+      law: of the kinematics and coefficients of one pair.
+      kinematics: (P,) each.
+      coefficients: a tree of arrays, (P,) or ().
+    """
+    axes = jax.tree.map(lambda leaf: 0 if jnp.ndim(leaf) else None, coefficients)
+    return jax.vmap(law, (0, axes))(kinematics, coefficients)
+
+
 def total_stiffness(
     law: PairForces, pairs: Pairs, kinematics: PairKinematics
 ) -> tuple[Array, Array]:
@@ -254,8 +269,10 @@ def total_stiffness(
     in_normal, in_plane = nothing, nothing
     for force, reach in zip(law.forces, law.reach, strict=True):
         acts = pairs.present & (kinematics.gap < reach)
-        along, across = force.stiffness(
-            kinematics, force.coefficients(law.parameters, surfaces), law.time_step
+        along, across = over_pairs(
+            partial(force.for_one_pair().stiffness, time_step=law.time_step),
+            kinematics,
+            force.coefficients(law.parameters, surfaces),
         )
         in_normal += jnp.where(acts, along, 0.0)
         in_plane += jnp.where(acts, across, 0.0)

@@ -23,6 +23,8 @@ class Metadata(Strict):
     contact_diameter_m: PositiveFloat | None
 
 
+VECTOR, NUMBER = "contact_vector_", "contact_number_"
+"""Beginnings of the names of what further forces remember; in SI."""
 VECTORS = npz.Numbers(("N", 3))
 MEMORY = npz.Numbers(("N", "S", 3), optional=True, needs="contact_partner")
 ARRAYS = {
@@ -33,6 +35,8 @@ ARRAYS = {
     "contact_partner": npz.Numbers(("N", "S"), "int", least=min(WALLS), below="N", optional=True),
     "contact_sliding_m": MEMORY,
     "contact_rolling_rad": MEMORY,
+    f"{VECTOR}*": MEMORY,
+    f"{NUMBER}*": npz.Numbers(("N", "S"), optional=True, needs="contact_partner"),
 }
 """Requirements on the arrays of a state of N particles with S contact slots each, by name."""
 SCHEMA = npz.Schema("a file that save_state wrote", Metadata, ARRAYS, least={"S": 0})
@@ -99,6 +103,9 @@ def arrays(state: State) -> dict[str, np.ndarray]:
             "contact_sliding_m": state.contacts.sliding,
             "contact_rolling_rad": state.contacts.rolling,
         }
+        for name, rows in state.contacts.named.items():
+            vector = rows.ndim > state.contacts.partner.ndim
+            by_name[f"{VECTOR if vector else NUMBER}{name}"] = rows
     return {name: np.asarray(array) for name, array in by_name.items() if array is not None}
 
 
@@ -114,6 +121,12 @@ def to_state(stored: Mapping[str, np.ndarray], contact_diameter: float | None) -
             jnp.asarray(stored["contact_partner"]),
             optional("contact_sliding_m"),
             optional("contact_rolling_rad"),
+            {
+                name.removeprefix(kind): jnp.asarray(rows)
+                for kind in (VECTOR, NUMBER)
+                for name, rows in stored.items()
+                if name.startswith(kind)
+            },
         )
     return State(
         position=jnp.asarray(stored["position_m"]),

@@ -39,7 +39,7 @@ def active_forces(forces: Sequence[Force] | None, parameters: Parameters) -> tup
       InputError: something that is no force, or two forces that remember by one name.
     """
     given = (Gravity(), Contact()) if forces is None else forces
-    if isinstance(given, Force) or not isinstance(given, Sequence):
+    if isinstance(given, str) or not isinstance(given, Sequence):
         raise InputError(
             f"forces = {shown(given)}: give a list, [mrjax.Gravity(), mrjax.Contact()]"
         )

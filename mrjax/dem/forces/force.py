@@ -128,29 +128,37 @@ class PairForce(Force):
         return {}
 
     def stiffness(self, pair: PairKinematics, coefficients: Any, time_step: ArrayLike) -> Stiffness:
-        """Springs and dashpots of pairs, for the stable step; (P,) each.
+        """Springs and dashpots of one pair, for the stable step.
 
         Here: |dF/dh| of the normal force by the gap h, of a pair that remembers nothing.
 
         Args:
-          pair: geometry and relative motion, (P,).
-          coefficients: of the pairs, (P,) or ().
+          pair: geometry and relative motion of the two surfaces.
+          coefficients: those of this pair.
           time_step: s.
         """
-        nothing = {
-            name: (jnp.zeros_like(pair.overlap),) * kind.size
-            if kind.size > 1
-            else 0.0 * pair.overlap
-            for name, kind in self.memory().items()
-        }
 
         def normal_force(overlap: Array) -> Array:
             moved = pair._replace(overlap=overlap)
-            wrench, _ = self(moved, coefficients, nothing, time_step)
+            wrench, _ = self(moved, coefficients, self.blank_memory(overlap), time_step)
             return dot(wrench.force, pair.normal)
 
         _, slope = jax.jvp(normal_force, (pair.overlap,), (jnp.ones_like(pair.overlap),))
         return Stiffness(time_step * jnp.abs(slope))
+
+    def blank_memory(self, like: Array) -> Memory:
+        """What a pair remembers that has just come within reach: zeros of this shape."""
+        zero = jnp.zeros_like(like)
+        return {
+            name: (zero,) * kind.size if kind.size > 1 else zero
+            for name, kind in self.memory().items()
+        }
+
+    def for_one_pair(self) -> Self:
+        """The force as its law sees it: fields that are no single number are None."""
+        leaves, tree = jax.tree.flatten(self)
+        scalars = [None if jnp.ndim(leaf) else leaf for leaf in leaves]
+        return jax.tree.unflatten(tree, scalars)
 
 
 class Particles(NamedTuple):

@@ -41,4 +41,4 @@ class Gravity(BodyForce):
         if self.vector is None:
             return Wrench(net_weight(parameters, count))
         upwards = net_weight(parameters.replace(gravity=-1.0), count)[2]
-        return Wrench(jnp.asarray(self.vector)[:, None] * upwards)
+        return Wrench(jnp.asarray(self.vector)[:, None] * upwards[None, :])

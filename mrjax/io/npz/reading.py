@@ -107,7 +107,7 @@ def _parse(file: Any, schema: Schema[M], max_bytes: int) -> tuple[dict[str, np.n
         lengths = refuse_headers(by_name, schema)
         metadata = read_metadata(archive, described, schema)
         arrays = {name: read_numbers(archive, entry) for name, entry in by_name.items()}
-    for name, numbers in (schema.arrays or {}).items():
+    for name, numbers in schema.requirements(arrays).items():
         if name in arrays:
             refuse_values(name, arrays[name], numbers, lengths)
     return arrays, metadata

@@ -1,7 +1,7 @@
 """The schema of a file: its arrays by name, with their types, shapes and bounds."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Generic, Protocol, TypeVar
 
@@ -46,9 +46,20 @@ class Schema(Generic[M]):
     """Words for such a file in a message, such as `a file that save_state wrote`."""
     metadata: type[M]
     arrays: Mapping[str, Numbers] | None
-    """Requirements by name; None for arrays of any name and shape, which must not be compressed."""
+    """Requirements by name, or by the beginning of names that ends in `*`.
+
+    None for arrays of any name and shape, which must not be compressed."""
     least: Mapping[str, int] = field(default_factory=dict)
     """Least length of an axis, by name; 1 by default."""
+
+    def requirements(self, entries: Iterable[str]) -> dict[str, Numbers]:
+        """Requirements on the arrays of a file, by name: those that it has or must have."""
+        by_name = {name: one for name, one in (self.arrays or {}).items() if name[-1] != "*"}
+        for pattern, numbers in (self.arrays or {}).items():
+            if pattern[-1] == "*":
+                further = [name for name in entries if name.startswith(pattern[:-1])]
+                by_name |= {name: numbers for name in further if name not in by_name}
+        return by_name
 
 
 class Header(Protocol):
@@ -65,9 +76,9 @@ class Header(Protocol):
 
 def refuse_headers(entries: Mapping[str, Header], schema: Schema) -> dict[str, Any]:
     """Refuses names, types and shapes that do not fit a schema; returns the lengths of its axes."""
-    arrays = schema.arrays
-    if arrays is None:
+    if schema.arrays is None:
         return {}
+    arrays = schema.requirements(entries)
     for name in entries:
         if name not in arrays:
             raise DamagedError(f"it holds {shown(name)}, which is not expected")
