@@ -16,6 +16,7 @@ from mrjax.dem import contact_history
 from mrjax.dem.contact_history import ParticleHistory, Remembered
 from mrjax.dem.engine import Motion, Observed, Outcome
 from mrjax.dem.forces import Force
+from mrjax.dem.forces.si import in_reduced_units
 from mrjax.dem.pair_forces import memory_of
 from mrjax.dem.plan import Matter, RunPlan, System
 from mrjax.laws import particle
@@ -56,7 +57,7 @@ def reduced_forces(forces: Sequence[Force], units: Units, state: State) -> tuple
     """Forces in reduced units, their coefficients of the dtype of the state."""
     return jax.tree.map(
         lambda leaf: jnp.asarray(leaf, state.position.dtype),
-        tuple(force.reduced(units) for force in forces),
+        tuple(in_reduced_units(force, units) for force in forces),
     )
 
 

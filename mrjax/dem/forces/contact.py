@@ -63,6 +63,7 @@ class Contact(PairForce):
     """The laws that act; a run leaves out those whose coefficients are zero."""
 
     greatest_overlap = 0.25
+    in_si = False
 
     def active(self, parameters: Parameters) -> Self:
         """The same without the laws whose coefficients are known to be zero."""

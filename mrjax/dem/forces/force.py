@@ -1,8 +1,9 @@
 """The two kinds of force: between two surfaces, and on every particle by itself.
 
 A force is a dataclass whose fields are its coefficients. They are leaves: they can be
-differentiated, fitted and mapped like the parameters. Laws are written in any coherent system of
-units; fields made by `mrjax.quantity` are converted.
+differentiated, fitted and mapped like the parameters. A law is written in SI: all that it is given
+is in SI, and so is what it returns. The bundled forces are written in any coherent system of units
+instead, and are evaluated in the reduced units of a run.
 """
 
 from collections.abc import Mapping
@@ -50,6 +51,9 @@ class Stiffness(NamedTuple):
 class Force:
     """A force of a run. A subclass is a frozen dataclass, and a pytree of its fields."""
 
+    in_si = True
+    """False for a law that is written in any coherent system of units, as the bundled ones are."""
+
     def __init_subclass__(cls, **keywords: Any) -> None:
         """Makes the subclass a dataclass that JAX takes apart."""
         super().__init_subclass__(**keywords)
@@ -64,7 +68,7 @@ class Force:
         return self
 
     def reduced(self, units: Units) -> Self:
-        """The same force in the reduced units of a run."""
+        """The same force in the reduced units of a run, where it is not written in SI."""
         return reduced(self, units)
 
 

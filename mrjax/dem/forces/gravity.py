@@ -28,6 +28,7 @@ class Gravity(BodyForce):
     """g, (3,) in m/s^2; None: that of `Parameters`, along -z."""
 
     steady = True
+    in_si = False
 
     def parameters(self, parameters: Parameters) -> Parameters:
         """Parameters whose gravity is the part of the vector along -z."""

@@ -1,0 +1,153 @@
+"""Forces that are written in SI, for a run in reduced units."""
+
+from typing import Any, NamedTuple
+
+from jax import Array
+from jax.typing import ArrayLike
+
+from mrjax.core.parameters import Parameters
+from mrjax.core.units import Units
+from mrjax.dem.contact_history import Remembered
+from mrjax.dem.forces.force import (
+    BodyForce,
+    Force,
+    Memory,
+    PairForce,
+    Particles,
+    Stiffness,
+    Wrench,
+)
+from mrjax.dem.kinematics import PairKinematics
+from mrjax.laws import particle
+from mrjax.laws.effective import SurfacePairs
+from mrjax.laws.vectors import Vector, times
+
+
+def in_reduced_units(force: Force, units: Units) -> Force:
+    """The force in the reduced units of a run."""
+    if not force.in_si:
+        return force.reduced(units)
+    scales = Scales(units.mass, units.length, units.time)
+    if isinstance(force, PairForce):
+        return ConvertedPairForce(force, scales)
+    assert isinstance(force, BodyForce)
+    return ConvertedBodyForce(force, scales)
+
+
+class Scales(NamedTuple):
+    """Reduced units, each as its value in SI, as leaves of a force."""
+
+    mass: ArrayLike  # kg
+    length: ArrayLike  # m
+    time: ArrayLike  # s
+
+    @property
+    def velocity(self) -> ArrayLike:
+        """m/s."""
+        return self.length / self.time
+
+    @property
+    def force(self) -> ArrayLike:
+        """N."""
+        return self.mass * self.length / self.time**2
+
+    def parameters(self, parameters: Parameters) -> Parameters:
+        """Parameters in SI."""
+        inverse = Units(1.0 / self.mass, 1.0 / self.length, 1.0 / self.time)
+        return parameters.reduced(inverse)
+
+    def kinematics(self, pair: PairKinematics) -> PairKinematics:
+        """Kinematics in SI."""
+        length, velocity, rate = self.length, self.velocity, 1.0 / self.time
+        return PairKinematics(
+            overlap=length * pair.overlap,
+            lever_arm=length * pair.lever_arm,
+            partner_lever_arm=length * pair.partner_lever_arm,
+            normal=pair.normal,
+            normal_velocity=velocity * pair.normal_velocity,
+            normal_rotation_rate=times(rate, pair.normal_rotation_rate),
+            torsion_rate=rate * pair.torsion_rate,
+            slip=times(velocity, pair.slip),
+            rolling=times(rate, pair.rolling),
+        )
+
+
+class ConvertedPairForce(PairForce):
+    """A pair force that is written in SI; what pairs remember stays in SI."""
+
+    force: PairForce
+    scales: Scales
+
+    @property
+    def greatest_overlap(self) -> float:  # type: ignore[override] # of the force
+        """As the force says."""
+        return self.force.greatest_overlap
+
+    def coefficients(self, parameters: Parameters, surfaces: SurfacePairs) -> Any:
+        """Those of the force, in SI."""
+        parameters = self.scales.parameters(parameters)
+        coated = particle.coated_particle(parameters)
+        return self.force.coefficients(parameters, surfaces._replace(coated=coated))
+
+    def alike(self, parameters: Parameters, material: Array | None) -> bool:
+        """As the force says."""
+        return self.force.alike(parameters, material)
+
+    def memory(self) -> dict[str, Remembered]:
+        """That of the force, not converted."""
+        return {name: kind._replace(unit="1") for name, kind in self.force.memory().items()}
+
+    def __call__(
+        self, pair: PairKinematics, coefficients: Any, memory: Memory, time_step: ArrayLike
+    ) -> tuple[Wrench, Memory]:
+        """The force of one pair, in reduced units."""
+        time = self.scales.time * time_step
+        wrench, memory = self.force(self.scales.kinematics(pair), coefficients, memory, time)
+        return _reduced(wrench, self.scales), memory
+
+    def stiffness(self, pair: PairKinematics, coefficients: Any, time_step: ArrayLike) -> Stiffness:
+        """That of the force, in reduced units."""
+        scales = self.scales
+        unit = scales.mass / scales.time
+        found = self.force.stiffness(
+            scales.kinematics(pair),
+            coefficients,
+            scales.time * time_step,
+        )
+        return Stiffness(found.normal / unit, found.tangential / unit)
+
+
+class ConvertedBodyForce(BodyForce):
+    """A body force that is written in SI."""
+
+    force: BodyForce
+    scales: Scales
+
+    @property
+    def steady(self) -> bool:  # type: ignore[override] # of the force
+        """As the force says."""
+        return self.force.steady
+
+    def __call__(self, parameters: Parameters, particles: Particles) -> Wrench:
+        """The force on every particle, in reduced units."""
+        scales = self.scales
+        in_si = Particles(
+            scales.length * particles.position,
+            scales.velocity * particles.velocity,
+            particles.spin / scales.time,
+        )
+        return _reduced(self.force(scales.parameters(parameters), in_si), scales)
+
+
+def _reduced(wrench: Wrench, scales: Scales) -> Wrench:
+    """Forces and torques in reduced units."""
+
+    def over(unit: ArrayLike, vector: Vector | None) -> Vector | None:
+        return None if vector is None else times(1.0 / unit, vector)
+
+    force, torque = scales.force, scales.force * scales.length
+    return Wrench(
+        times(1.0 / force, wrench.force),
+        over(torque, wrench.torque),
+        over(torque, wrench.partner_torque),
+    )
