@@ -42,7 +42,12 @@ class ContactHistory:
 
     @staticmethod
     def of_names(partner: Array, by_name: Mapping[str, Array]) -> "ContactHistory":
-        """The history with these memories, by name."""
+        """The history with these memories.
+
+        Args:
+          partner: ids of the partners, (N, S).
+          by_name: what is remembered, by name: (N, S, 3) vectors or (N, S) numbers.
+        """
         named = dict(by_name)
         sliding, rolling = named.pop("sliding", None), named.pop("rolling", None)
         return ContactHistory(partner, sliding, rolling, named)

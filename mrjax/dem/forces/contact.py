@@ -74,11 +74,21 @@ class Contact(PairForce):
         return type(self)(ActiveLaws(sliding=False, rolling=False, damped=False))
 
     def coefficients(self, parameters: Parameters, surfaces: SurfacePairs) -> PairProperties:
-        """E*, G*, R*, m* and what the tables of materials have."""
+        """E*, G*, R*, m* and what the tables of materials have.
+
+        Args:
+          parameters: of the run.
+          surfaces: the pairs.
+        """
         return effective.of_surfaces(parameters, surfaces)
 
     def alike(self, parameters: Parameters, material: Array | None) -> bool:
-        """True if all particles are of one material, size and mass."""
+        """True if all particles are of one material, size and mass.
+
+        Args:
+          parameters: of the run.
+          material: of each particle, (N,); None where all are of one.
+        """
         return effective.alike(parameters, material)
 
     def memory(self) -> dict[str, Remembered]:
@@ -147,7 +157,13 @@ class Contact(PairForce):
     def stiffness(
         self, pair: PairKinematics, coefficients: PairProperties, time_step: ArrayLike
     ) -> Stiffness:
-        """Hertz's and Mindlin's springs with their dashpots; contacts that slide count as held."""
+        """Hertz's and Mindlin's springs with their dashpots; contacts that slide count as held.
+
+        Args:
+          pair: of which the overlap is read, m.
+          coefficients: those of the pair.
+          time_step: s.
+        """
         properties, touching = coefficients, pair.overlap > 0.0
         depth = jnp.where(touching, pair.overlap, 1.0)
 

@@ -124,7 +124,12 @@ class PairForce(Force):
         return ()
 
     def alike(self, parameters: Parameters, material: Array | None) -> bool:
-        """True if all pairs of particles have the same coefficients, and all with a wall."""
+        """True if all pairs of particles have the same coefficients, and all with a wall.
+
+        Args:
+          parameters: of the run.
+          material: of each particle, (N,); None where all are of one.
+        """
         return False
 
     def memory(self) -> dict[str, Remembered]:
