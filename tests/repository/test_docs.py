@@ -52,7 +52,7 @@ def test_every_equation_of_the_paper_is_mapped_once():
 def test_equations_and_functions_name_each_other():
     for row in re.findall(r"^\| \d+ \|.*", EQUATIONS, re.M):
         _, number, _, functions, form, _ = (cell.strip() for cell in row.split("|"))
-        names = re.findall(r"\{py:func\}`([\w.]+)`", functions)
+        names = re.findall(r"\{py:(?:func|class)\}`([\w.]+)`", functions)
         assert names
         told = set()
         for name in names:

@@ -19,6 +19,7 @@ NAMES = (
     "gradients",
     "fit_your_own_data",
     "design_a_recipe",
+    "your_own_force",
 )
 QUICK = ("fit_your_own_data",)
 """What the others show, tests of their own guard in an ordinary run."""
