@@ -52,26 +52,25 @@ def force_bounds(system: System, reach: tuple[float, ...]) -> ForceBounds:
     """
     state, numbers = system.state, drop_tracers(system.parameters)
     stiffness = pair_force = acceleration = 0.0
-    gaps = dict(zip(map(id, system.pair_forces), reach, strict=True))
-    for force in system.forces:
-        known = drop_tracers(force)
-        if isinstance(force, PairForce) and not isinstance(force, Contact):
-            found = evaluated_or_none(_of_pair, known, numbers, state.material, gaps[id(force)])
-            if found is not None:
-                stiffness, pair_force = stiffness + float(found[0]), pair_force + float(found[1])
-        if isinstance(force, BodyForce) and not isinstance(force, Gravity):
-            found = evaluated_or_none(_of_bodies, known, numbers, drop_tracers(state))
-            acceleration += 0.0 if found is None else float(found)
+    for force, gap in zip(system.pair_forces, reach, strict=True):
+        if not isinstance(force, Contact):
+            greatest = evaluated_or_none(_of_pair, drop_tracers(force), numbers, state, gap)
+            if greatest is not None:
+                stiffness += float(greatest[0])
+                pair_force += float(greatest[1])
+    for body_force in system.body_forces:
+        if not isinstance(body_force, Gravity):
+            known = drop_tracers(body_force), numbers, drop_tracers(state)
+            fastest = evaluated_or_none(_of_bodies, *known)
+            acceleration += 0.0 if fastest is None else float(fastest)
     return ForceBounds(stiffness, pair_force, acceleration)
 
 
 def _of_pair(
-    force: PairForce, numbers: Parameters, material: Array | None, reach: float
+    force: PairForce, numbers: Parameters, state: State, reach: float
 ) -> tuple[Array, Array]:
     """Greatest stiffness and force over gaps, of particles with their like and with a wall."""
-    coated = particle.coated_particle(numbers)
-    leaves = [*coated] if material is None else [*coated, material]
-    count = next((len(leaf) for leaf in leaves if jnp.ndim(leaf)), 1)
+    coated, material, count = particle.coated_particle(numbers), state.material, state.particles
     sizes = np.broadcast_to(coated.radius, count)
     ids = np.argsort(sizes)[np.linspace(0, count - 1, min(count, SAMPLED)).astype(int)]
     first = np.tile(ids, 2 * GAPS)

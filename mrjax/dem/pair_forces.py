@@ -221,19 +221,22 @@ def _total(wrenches: Sequence[Wrench]) -> Wrench:
             _sum(total.torque, wrench.torque),
             _sum(total.partner_torque, wrench.partner_torque),
         )
-    if total.torque is None and total.partner_torque is None:
+    force, torque, partner_torque = total
+    if torque is None and partner_torque is None:
         return total
-    nothing = (jnp.zeros_like(total.force[0]),) * 3
+    zero = (jnp.zeros_like(force[0]),) * 3
     return Wrench(
-        total.force, _sum(total.torque, None, nothing), _sum(total.partner_torque, None, nothing)
+        force,
+        zero if torque is None else torque,
+        zero if partner_torque is None else partner_torque,
     )
 
 
-def _sum(one: Vector | None, other: Vector | None, nothing: Vector | None = None) -> Vector | None:
-    if one is None or other is None:
-        known = other if one is None else one
-        return nothing if known is None else known
-    return plus(one, 1.0, other)
+def _sum(first: Vector | None, second: Vector | None) -> Vector | None:
+    """The sum of two vectors, either of which may be missing."""
+    if first is None:
+        return second
+    return first if second is None else plus(first, 1.0, second)
 
 
 def _where(acts: Array, tree: Tree) -> Tree:

@@ -68,6 +68,11 @@ class System(NamedTuple):
         return tuple(force for force in self.forces if isinstance(force, PairForce))
 
     @property
+    def body_forces(self) -> tuple[BodyForce, ...]:
+        """The forces on every particle by itself."""
+        return tuple(force for force in self.forces if isinstance(force, BodyForce))
+
+    @property
     def greatest_overlap(self) -> float:
         """Overlap, in radii, beyond which a force of the list is no description."""
         return min((force.greatest_overlap for force in self.pair_forces), default=math.inf)

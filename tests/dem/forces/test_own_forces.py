@@ -85,6 +85,17 @@ def test_a_pair_force_is_that_of_its_formula():
     assert not torques.any()
 
 
+def test_in_single_precision_it_is_the_same_to_its_digits():
+    single = jax.tree.map(
+        lambda leaf: leaf.astype(jnp.float32) if leaf.dtype == float else leaf, THREE
+    )
+    expected, _ = exerted(ALL)
+    forces, _ = exerted(ALL, single)
+    assert forces.dtype == np.float32
+    # Gaps of 0.05 R, formed from positions of 5 R, have a hundred roundings.
+    np.testing.assert_allclose(forces, expected, rtol=2e-5, atol=1e-5 * np.abs(expected).max())
+
+
 def test_a_force_ends_at_its_reach_beside_one_that_reaches_farther():
 
     class Short(mrjax.PairForce):
@@ -298,6 +309,30 @@ def test_what_pairs_remember_is_kept_from_run_to_run_by_name(tmp_path):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12 * float(jnp.abs(other).max()))
     np.testing.assert_allclose(rest.position, whole.position, rtol=1e-12)
     assert rest.contacts.sliding is not None
+
+
+def test_a_run_with_its_own_force_goes_on_from_its_checkpoint_with_the_same_law_only(tmp_path):
+    def follow(force, folder):
+        return mrjax.follow(
+            THREE,
+            OIL,
+            ROOM,
+            duration=4 * STEP,
+            time_step=STEP,
+            forces=[mrjax.Contact(), force],
+            checkpoint=folder,
+        )
+
+    class Stronger(Attraction):
+        def __call__(self, pair, coefficients, memory, time_step):
+            wrench, memory = super().__call__(pair, coefficients, memory, time_step)
+            return mrjax.Wrench(tuple(2.0 * part for part in wrench.force)), memory
+
+    first, again = follow(OWN[0], tmp_path / "run"), follow(OWN[0], tmp_path / "run")
+    np.testing.assert_array_equal(first.state.position, again.state.position)
+    for other in (Attraction(2 * PULL_OFF, RANGE), Stronger(PULL_OFF, RANGE)):
+        with pytest.raises(mrjax.InputError, match="other work, with forces"):
+            follow(other, tmp_path / "run")
 
 
 def test_two_forces_cannot_remember_by_one_name():
