@@ -48,6 +48,12 @@ def _parts(value: Any, visited: set[int]) -> Iterator[str]:
         yield f"module {value.__name__}"
     elif _package(value) in VERSIONED_PACKAGES:
         yield f"{value.__module__}.{getattr(value, '__qualname__', type(value).__qualname__)}"
+    elif isinstance(value, type):
+        yield f"class {value.__qualname__}"
+        if id(value) not in visited:
+            visited.add(id(value))
+            for kind in value.__mro__[:-1]:
+                yield from _class_parts(kind, visited)
     elif inspect.isfunction(value):
         yield "function"
         if id(value) not in visited:
@@ -71,6 +77,18 @@ def _function_parts(function: Callable, visited: set[int]) -> Iterator[str]:
         for name in sorted(names):
             yield name
             yield from _parts(names[name], visited)
+
+
+def _class_parts(kind: type, visited: set[int]) -> Iterator[str]:
+    """Yields the methods and plain attributes that a class defines itself."""
+    if _package(kind) in VERSIONED_PACKAGES:
+        yield f"{kind.__module__}.{kind.__qualname__}"
+        return
+    for name, value in sorted(vars(kind).items()):
+        own = not name.startswith("__") or name == "__call__"
+        if own and (inspect.isfunction(value) or isinstance(value, str | bool | int | float)):
+            yield name
+            yield from _parts(value, visited)
 
 
 def _names(code: CodeType) -> set[str]:

@@ -3,7 +3,6 @@
 import dataclasses
 import hashlib
 import importlib.metadata
-import inspect
 import json
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -50,15 +49,6 @@ def sha256(text: str, *arrays: np.ndarray) -> Any:
     return digest
 
 
-def _methods(kind: type) -> dict[str, str]:
-    """Returns the identities of the methods of a law that is a class, by name."""
-    return {
-        name: identity(method)
-        for name, method in vars(kind).items()
-        if inspect.isfunction(method) and (name == "__call__" or not name.startswith("__"))
-    }
-
-
 def _entries(name: str, value: Any) -> Iterator[tuple[str, str]]:
     """Yields the name and the text of every part of a value; an array is given by a digest."""
     if isinstance(value, jax.tree_util.Partial):
@@ -67,7 +57,7 @@ def _entries(name: str, value: Any) -> Iterator[tuple[str, str]]:
         value = dict(value)
     elif dataclasses.is_dataclass(value):
         fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(value)}
-        value = _methods(type(value)) | fields if callable(value) else fields
+        value = {"law": identity(type(value)), **fields} if callable(value) else fields
     elif hasattr(value, "_asdict"):
         value = value._asdict()
     elif isinstance(value, list | tuple):
