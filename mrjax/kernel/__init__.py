@@ -1,6 +1,7 @@
-"""A law summed over pairs as one JAX operation: `pair_sum`, the only door of this room.
+"""`pair_sum`, a JAX operation that sums a law over pairs of particles.
 
-Imports nothing of mrjax: it could be published by itself. `llvm` compiles the loop for a CPU.
+The package imports nothing else from mrjax and could be published by itself. Its subpackage `llvm`
+compiles the loop over the pairs for a CPU.
 """
 
 from .summation import pair_sum

@@ -1,4 +1,4 @@
-"""The loop over pairs by gathers and scatters of whole arrays: for GPUs, and for tests."""
+"""Evaluation of a loop over pairs by gathers and scatters of whole arrays, for GPUs and tests."""
 
 import jax
 import jax.numpy as jnp
@@ -8,7 +8,18 @@ from .loop import Kind, PairLoop, Slot, slots
 
 
 def evaluate_with_arrays(loop: PairLoop, first, second, count, *leaves):
-    """The same by gathers and scatters of whole arrays: for other processors, and for tests."""
+    """Evaluates a loop over pairs with array operations, in place of compiled machine code.
+
+    Args:
+      loop: the loop.
+      first: ids of the particles, (P,).
+      second: ids of their partners, (P,); ids from N on are walls.
+      count: number of listed pairs, ().
+      leaves: the arrays of `loop.inputs`, in their order.
+
+    Returns:
+      the arrays of `loop.outputs`, in their order.
+    """
     particles = loop.particles([leaf.shape for leaf in leaves])
     wall, listed = second >= particles, jnp.arange(len(first), dtype=count.dtype) < count
 
@@ -24,7 +35,7 @@ def evaluate_with_arrays(loop: PairLoop, first, second, count, *leaves):
 
     scalars = [gathered(place) for place in slots(loop.inputs)]
     guards = scalars[: len(loop.guard.jaxpr.invars)]
-    size = len(first)  # which a guard without arguments does not tell
+    size = len(first)  # vmap cannot infer it from a guard without arguments
     (touching,) = jax.vmap(jaxpr_as_fun(loop.guard), axis_size=size)(*guards)
     values = jax.vmap(jaxpr_as_fun(loop.law), axis_size=size)(*scalars)
     shapes = [leaf.shape(particles, len(first)) for leaf in loop.outputs]

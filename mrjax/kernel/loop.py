@@ -1,7 +1,8 @@
-"""A loop over pairs as a value: a scalar law, and where its arguments come from and results go.
+"""`PairLoop`, the description of a loop over pairs: a scalar law, its inputs and its outputs.
 
-A derivative of such a loop, forwards or backwards, is such a loop again: what is read from a
-particle forwards is added to it backwards, and what is read by all pairs is summed over them.
+The derivative of a loop, in forward or reverse mode, is again a loop. A value that is read from a
+particle in forward mode becomes a value that is added to the particle in reverse mode. A value that
+all pairs share becomes a sum over the pairs.
 """
 
 from collections.abc import Callable
@@ -19,11 +20,11 @@ from jax.interpreters import partial_eval
 
 
 class Kind(Enum):
-    """To whom an array belongs, and so what a pair reads of it and adds to it."""
+    """Kind of an array: it determines which entries a pair reads, and which entries it adds to."""
 
-    PARTICLE = "particle"  # (..., N): that of the first and, unless it is a wall, of the second
-    PAIR = "pair"  # (..., P): its own
-    SHARED = "shared"  # (...): the same for every pair; of results the sum over the pairs
+    PARTICLE = "particle"  # (..., N): entries of the first and, unless a wall, the second particle
+    PAIR = "pair"  # (..., P): entry of the pair itself
+    SHARED = "shared"  # (...): same value for every pair; as an output, the sum over all pairs
 
 
 @dataclass(frozen=True)
@@ -36,29 +37,32 @@ class Operand:
 
     @property
     def width(self) -> int:
-        """Numbers for one particle or pair."""
+        """Number of values per particle or per pair."""
         return prod(self.rows)
 
     def shape(self, particles: int, pairs: int) -> tuple[int, ...]:
-        """Shape of the array, for N particles and room for P pairs."""
+        """Shape of the array for N particles and a pair list of capacity P."""
         own = {Kind.PARTICLE: (particles,), Kind.PAIR: (pairs,), Kind.SHARED: ()}[self.kind]
         return self.rows + own
 
 
 class Alias(NamedTuple):
-    """An output for pairs that stands where an input did: places without a pair are left alone."""
+    """A per-pair output that reuses an input's buffer; entries past the list stay unchanged."""
 
-    given: int  # of the inputs
-    taken: int  # of the outputs
-    lasting: bool  # whether pairs apart keep what they had; else they have zeros
+    given: int  # index of the input
+    taken: int  # index of the output
+    lasting: bool  # True if pairs that fail the guard keep their old value; otherwise it becomes 0
 
 
 Slot = tuple[int, int, bool]
-"""Of a scalar: index of the leaf, row, and whether it belongs to the second of the pair."""
+"""Origin of a scalar: index of its operand, row, and True if it belongs to the second particle."""
 
 
 def slots(leaves: tuple[Operand, ...]) -> list[Slot]:
-    """Slots of the scalars of one pair, in order: every operand's rows, first and then second."""
+    """Lists the slots of the scalars of one pair: operand by operand, first before second particle.
+
+    Each operand contributes all its rows for the first particle, then all its rows for the second.
+    """
     return [
         (index, row, of_second)
         for index, leaf in enumerate(leaves)
@@ -69,16 +73,18 @@ def slots(leaves: tuple[Operand, ...]) -> list[Slot]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class PairLoop:
-    """A scalar law for every pair that passes the guard; others add nothing, and have zeros.
+    """A scalar law that is evaluated for every listed pair that passes a guard.
 
-    All outputs are of one dtype. What takes an input's place keeps it where no pair is listed.
+    Pairs that fail the guard add nothing to the sums, and their per-pair outputs are zero unless
+    an alias is lasting. All outputs have the same dtype. An output that reuses the buffer of an
+    input leaves the entries past the end of the list unchanged.
     """
 
-    law: ClosedJaxpr  # the scalars of `inputs` to those of `outputs`
-    guard: ClosedJaxpr  # as many of the first scalars of `inputs` as it has, to a truth
+    law: ClosedJaxpr  # maps the scalars of `inputs` to the scalars of `outputs`
+    guard: ClosedJaxpr  # maps the leading scalars of `inputs`, as many as it takes, to a bool
     inputs: tuple[Operand, ...]
     outputs: tuple[Operand, ...]
-    linear: int = 0  # of so many inputs, the last, the outputs are a linear function
+    linear: int = 0  # number of trailing inputs in which the outputs are linear
     in_place: tuple[Alias, ...] = ()
 
     @staticmethod
@@ -89,14 +95,14 @@ class PairLoop:
         results: list[tuple[Kind, tuple[int, ...]]],
         memory: tuple[tuple[int, bool], ...] = (),
     ) -> "PairLoop":
-        """Traces functions of scalars to lists of them.
+        """Builds a loop by tracing a law and a guard, functions from scalars to a list of scalars.
 
         Args:
           law, guard: the functions.
-          inputs: where their arguments come from.
-          results: kind and rows of the outputs, known when `law` has been traced.
-          memory: inputs whose place the outputs for pairs take, in order, and whether pairs that
-            the guard leaves out keep what they had.
+          inputs: operands that supply the arguments of both functions.
+          results: kind and rows of the outputs; the list is filled while `law` is traced.
+          memory: for each per-pair output, in order, the index of the input whose buffer it reuses,
+            and True if pairs that fail the guard keep their old value.
         """
         scalars = [jax.ShapeDtypeStruct((), inputs[n].dtype) for n, _, _ in slots(inputs)]
         traced = jax.make_jaxpr(law)(*scalars)
@@ -111,15 +117,15 @@ class PairLoop:
 
     @property
     def changes(self) -> tuple[Operand, ...]:
-        """The inputs that the outputs are linear in."""
+        """Inputs in which the outputs are linear."""
         return self.inputs[len(self.inputs) - self.linear :]
 
     def lanes(self, size: int) -> int:
-        """Pairs that fit into a vector of so many bytes."""
+        """Number of pairs that fit into a vector of `size` bytes."""
         return size // max(np.dtype(leaf.dtype).itemsize for leaf in self.outputs)
 
     def particles(self, shapes: list[tuple[int, ...]]) -> int:
-        """N, from the shapes of the inputs."""
+        """Number of particles N, read from the shapes of the inputs."""
         return next(
             shape[-1]
             for shape, leaf in zip(shapes, self.inputs, strict=True)
@@ -139,23 +145,27 @@ class PairLoop:
         )
 
     def __eq__(self, other: object) -> bool:
-        """True if both do the same, so that the program of one serves the other."""
+        """True if both loops have the same content, so that compiled code can be shared."""
         return isinstance(other, PairLoop) and self._content == other._content
 
     def __hash__(self) -> int:
-        """Hash of what it does."""
+        """Hash of the content, consistent with equality."""
         return hash(self._content)
 
     @cached_property
     def scalars(self) -> list[jax.ShapeDtypeStruct]:
-        """Types of the law's arguments."""
+        """Shapes and dtypes of the law's arguments."""
         return [jax.ShapeDtypeStruct((), self.inputs[n].dtype) for n, _, _ in slots(self.inputs)]
 
     def tangent(self, live: tuple[int, ...]) -> tuple["PairLoop", tuple[int, ...]]:
-        """Forwards: the inputs, and changes of those `live`, to the changes of the outputs.
+        """Builds the loop of the forward-mode derivative (Jacobian-vector product).
+
+        Args:
+          live: indices of the inputs that have a tangent.
 
         Returns:
-          The loop, linear in the changes, and the indices of the outputs that change at all.
+          A loop from the inputs and the tangents of the live inputs to the tangents of the outputs,
+          linear in the tangents; and the indices of the outputs with a tangent that can be nonzero.
         """
         law = jaxpr_as_fun(self.law)
         varied = [i for i, (n, _, _) in enumerate(slots(self.inputs)) if n in live]
@@ -200,9 +210,10 @@ class PairLoop:
         return loop, tuple(some)
 
     def with_change(self, change: "PairLoop") -> "PairLoop":
-        """This and its `tangent`, repeated or not, as one loop, for the operands of the tangent.
+        """Fuses this loop and its tangent loop, so that common reads and operations are done once.
 
-        Both read and work out much that is the same, which is then done once.
+        Args:
+          change: the loop of `tangent`, possibly `repeated`; the fused loop takes its operands.
         """
         own, other, count = jaxpr_as_fun(self.law), jaxpr_as_fun(change.law), len(self.scalars)
 
@@ -219,7 +230,11 @@ class PairLoop:
         )
 
     def transposed(self, live: tuple[int, ...]) -> "PairLoop":
-        """Backwards: cotangents of the outputs `live` to those of the linear inputs."""
+        """Builds the transposed loop, which maps cotangents of outputs to those of linear inputs.
+
+        Args:
+          live: indices of the outputs that have a cotangent.
+        """
         law = jaxpr_as_fun(self.law)
         fixed, linear = self.inputs[: -self.linear], self.changes
         count = len(slots(fixed))
@@ -245,12 +260,15 @@ class PairLoop:
         return PairLoop(traced, self.guard, fixed + given, linear, len(given), back)
 
     def repeated(self, times: int, several: tuple[bool, ...]) -> "PairLoop":
-        """For so many sets of linear inputs at once: their rows, and the outputs', set after set.
+        """Builds a loop that evaluates T sets of linear inputs in one pass over the pairs.
+
+        Outputs, and those linear inputs that differ between the sets, gain a leading axis of
+        length T.
 
         Args:
-          times: T, of an input (C, N) to (T, C, N).
-          several: for each linear input whether there are many, or one that serves all; there must
-            be many of what is replaced.
+          times: number T of sets; an input (C, N) becomes (T, C, N).
+          several: for each linear input, True if each set has its own array, False if all sets
+            share one. It must be True for inputs whose buffer an output reuses.
         """
         law = jaxpr_as_fun(self.law)
         fixed, linear = self.inputs[: -self.linear], self.changes
@@ -286,7 +304,10 @@ class PairLoop:
         return PairLoop(traced, self.guard, fixed + wide, outputs, self.linear, self.in_place)
 
     def pruned(self) -> tuple["PairLoop", tuple[int, ...]]:
-        """The same without the inputs that it does not read, and the indices of those that stay."""
+        """Returns this loop without its unused inputs, and the indices of the inputs that remain.
+
+        Inputs in which it is linear, and those whose buffer an output reuses, always remain.
+        """
         given = slots(self.inputs)
         stay = {given[scalar][0] for of in (self.law, self.guard) for scalar in _read(of)}
         stay |= {of.given for of in self.in_place}
@@ -322,7 +343,7 @@ class PairLoop:
 
 
 def _constants(program: ClosedJaxpr) -> tuple[bytes, ...]:
-    """All digits of the constants of a program and of those inside it."""
+    """Bytes of the constants of a program and of the programs that it calls."""
     inner = [
         value
         for equation in program.jaxpr.eqns
@@ -338,14 +359,17 @@ def _traced(function, scalars: list[jax.ShapeDtypeStruct]) -> ClosedJaxpr:
 
 
 def _read(closed: ClosedJaxpr) -> list[int]:
-    """The arguments on which a result depends, by number."""
+    """Indices of the arguments on which any result depends."""
     every = [True] * len(closed.jaxpr.outvars)
     _, read = partial_eval.dce_jaxpr(closed.jaxpr, every)
     return [number for number, of in enumerate(read) if of]
 
 
 def _dependent(closed: ClosedJaxpr, count: int) -> list[bool]:
-    """Which results depend on arguments after the first `count`, or might, through a call."""
+    """True for each result that may depend on an argument after the first `count`.
+
+    A call inside the program counts as if all its results depended on all its arguments.
+    """
     moved = set(closed.jaxpr.invars[count:])
     for equation in closed.jaxpr.eqns:
         if any(not isinstance(v, Literal) and v in moved for v in equation.invars):

@@ -1,6 +1,7 @@
-"""The loop over pairs as one JAX operation, with the rules by which JAX transforms it.
+"""The JAX primitive of a loop over pairs, with its rules for differentiation, `vmap` and lowering.
 
-On a CPU it is a compiled loop (`llvm.codegen`), elsewhere gathers and scatters (`arrays`).
+On a CPU the primitive runs a compiled loop (`llvm.codegen`), on other devices it runs gathers and
+scatters (`arrays`).
 """
 
 import warnings
@@ -19,7 +20,7 @@ from .llvm.chunks import room_for_sums
 from .loop import PairLoop
 
 AT_ONCE = 4
-"""Directions of a derivative that one loop takes together."""
+"""Largest number of tangent directions that one loop evaluates in a single pass."""
 
 pair_sum_p = Primitive("pair_sum")
 pair_sum_p.multiple_results = True
@@ -80,7 +81,11 @@ def _batched(operands, axes, *, loop: PairLoop):
 
 
 def _in_front(operands, axes) -> tuple[list, list[bool]]:
-    """With the axis of the members first where there are several, and where that is."""
+    """Moves the batch axis of each batched operand to the front.
+
+    Returns:
+      the operands, and for each operand True if it is batched.
+    """
     several = [axis is not batching.not_mapped for axis in axes]
     moved = [
         jnp.moveaxis(operand, axis, 0) if of else operand
@@ -90,7 +95,12 @@ def _in_front(operands, axes) -> tuple[list, list[bool]]:
 
 
 def _together(operands: list, several: list[bool], loop: PairLoop) -> tuple[list, PairLoop] | None:
-    """One loop for all members, which must not be many, and differ in the changes only."""
+    """Builds one loop for all members of a batch, and its operands.
+
+    Returns:
+      the operands and the loop; None if the members differ in more than the linear inputs, or if
+      there are more than `AT_ONCE` of them.
+    """
     fixed = len(operands) - loop.linear
     size = len(operands[several.index(True)])
     if any(several[:fixed]) or size > AT_ONCE:
@@ -104,15 +114,16 @@ def _together(operands: list, several: list[bool], loop: PairLoop) -> tuple[list
 
 
 def _filled(operands: list, several: list[bool], members: list) -> list:
+    """Operands of one member of a batch: its own batched arrays and the shared arrays."""
     left = iter(members)
     return [next(left) if of else operand for operand, of in zip(operands, several, strict=True)]
 
 
 with_change_p = Primitive("pair_sum_with_change")
-"""What a loop gives, and its change, as forward mode needs them: cheaper than one after the other.
+"""Primitive that evaluates a loop and its tangent together, for forward mode.
 
-Where a derivative is split into what is known and what is linear in the changes, as reverse mode
-does, it falls apart into the two operations of which it is made.
+This is cheaper than one after the other. Under partial evaluation, the step of reverse mode that
+separates known values from those linear in the tangents, it splits into its two loops.
 """
 with_change_p.multiple_results = True
 
@@ -159,9 +170,9 @@ def _both_batched(operands, axes, *, loop: PairLoop, change: PairLoop):
 
 
 def _both_split(trace, *tracers, loop: PairLoop, change: PairLoop):
-    """The loop where its operands are known, and the change still to be transposed.
+    """Partial evaluation: evaluates the loop if its operands are known, and leaves the tangent.
 
-    What the change does not read need not be kept for it.
+    The tangent loop is pruned first, so that arrays it does not read are not stored as residuals.
     """
     found = trace.process_primitive(pair_sum_p, tracers[: -change.linear], {"loop": loop})
     change, stay = change.pruned()
@@ -170,7 +181,7 @@ def _both_split(trace, *tracers, loop: PairLoop, change: PairLoop):
 
 
 def _both_remembered(saveable, unknown, present, equation):
-    """Under `jax.checkpoint`: the loop at once, and both when they are needed again."""
+    """Partial evaluation under `jax.checkpoint`: the loop runs now, both run when recomputed."""
     loop, change = equation.params["loop"], equation.params["change"]
     count, known = len(loop.outputs), None
     later = [any(unknown)] * len(equation.outvars)
@@ -219,7 +230,7 @@ def _compiled(context, *operands, loop: PairLoop):
 
 @cache
 def _warn_once(missing: str) -> None:
-    """Warns that a law takes the slower path, once for each operation that is missing."""
+    """Warns that a law is evaluated with arrays, once for each operation without machine code."""
     warnings.warn(
         f"{missing}: the law of pairs is evaluated with arrays, which takes longer", stacklevel=2
     )

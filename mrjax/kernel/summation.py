@@ -1,9 +1,9 @@
-"""`pair_sum`: a law of two particles summed over pairs, with trees of arrays in and out.
+"""`pair_sum` sums a law of two particles over a list of pairs; its arguments are JAX pytrees.
 
     sums_i = sum_j law(particle_i, particle_j, pair_ij, shared, memory_ij)
 
-The law is written once, for the scalars of one pair. Its trees are flattened here into the operands
-of one JAX operation (`primitive`).
+The law is written for the scalars of one pair. This module flattens its pytrees into the operands
+of one JAX primitive (`primitive`).
 """
 
 from collections.abc import Callable, Iterator
@@ -33,38 +33,41 @@ def pair_sum(
     memory: Tree = None,
     lasting: Tree = False,
 ) -> tuple[Tree, Tree]:
-    """Sums a law over pairs. Differentiable in all trees, under `jit`, `grad`, `jvp` and `vmap`.
+    """Sums a law over pairs of particles. Works under `jit`, `grad`, `jvp` and `vmap`.
 
-    For one pair an array (N,), (P,) or () becomes a scalar, one with rows (C, N), (C, P) or (C,) a
-    tuple of C scalars. In what the law returns a plain tuple is such a vector; trees are lists,
-    dictionaries, named tuples and dataclasses.
+    The sum is differentiable in all pytrees of arrays. The law sees the values of one pair: an
+    array (N,), (P,) or () becomes a scalar, and an array (C, N), (C, P) or (C,) becomes a tuple of
+    C scalars. In the results of the law, a plain tuple is such a vector. Use lists, dictionaries,
+    named tuples or dataclasses for the pytrees around it.
 
     Args:
-      law: (particle, partner, pair, shared, memory) of one pair to what is added to the particle,
-        what is added to the partner, in a tree of the same structure, and the new memory.
-      guard: of the same arguments, whether the law is evaluated; other pairs add nothing.
-      first: ids of particles, (P,).
-      second: ids of their partners, (P,); from N on it is no particle (a wall, say), of which the
-        law reads zeros and to which nothing is added.
-      count: number of pairs, (); what stands in places after them is not read.
-      particles: arrays (N,) or (C, N), at least one; results are of the dtype of the first.
+      law: function of (particle, partner, pair, shared, memory) for one pair. It returns the values
+        to add to the particle, the values to add to the partner (a pytree of the same structure),
+        and the new memory.
+      guard: function of the same arguments; the law is evaluated only where it returns True. Other
+        pairs add nothing.
+      first: ids of the particles, (P,).
+      second: ids of their partners, (P,). An id of N or more is not a particle (a wall, for
+        example): the law reads zeros for it, and nothing is added to it.
+      count: number of pairs, (); entries past it are not read.
+      particles: arrays (N,) or (C, N), at least one; the results have the dtype of the first.
       pairs: arrays (P,) or (C, P).
       shared: arrays () or (C,).
-      memory: arrays (P,) or (C, P). The new one takes its place, in the same buffers. Places
-        without a pair stay as they are.
-      lasting: whether a pair that the guard leaves out keeps its memory, or has zeros: one truth,
-        or a tree of them that begins as `memory` does.
+      memory: arrays (P,) or (C, P). The new memory is written into the same buffers. Entries past
+        the last pair stay unchanged.
+      lasting: True if the memory of pairs that fail the guard stays unchanged, False if it becomes
+        zero; one bool, or a pytree of bools that is a prefix of `memory`.
 
     Returns:
-      the sums for every particle, (N,) or (C, N), in the tree of what the law adds, and the new
-      memory.
+      the sums for every particle, (N,) or (C, N), as a pytree with the structure that the law
+      returns, and the new memory.
 
     Raises:
-      ValueError: the trees that the law returns do not fit.
+      ValueError: the pytrees that the law returns do not match each other or `memory`.
 
     Warns:
-      UserWarning: the law has an operation that the compiled loop lacks, and is evaluated with
-        arrays (CPU; once for each operation).
+      UserWarning: the law has an operation that cannot be compiled, so it is evaluated with arrays
+        (on a CPU; once for each operation).
 
     Example:
       >>> def spring(particle, partner, stiffness, shared, memory):
@@ -98,7 +101,7 @@ def pair_sum(
 
 
 class _Trees:
-    """The trees of a call as a list of arrays, and of a pair's scalars as trees again."""
+    """Flattens the pytrees of a call to a list of arrays, and rebuilds the pytrees of one pair."""
 
     def __init__(self, particles: Tree, pairs: Tree, memory: Tree, shared: Tree) -> None:
         self.arrays: list[Array] = []
@@ -125,16 +128,16 @@ class _Trees:
 
     @property
     def first_memory(self) -> int:
-        """Number of operands before the memory."""
+        """Index of the first memory operand."""
         return self.structures[0].num_leaves + self.structures[1].num_leaves
 
     def remembered(self, lasting: Tree) -> tuple[tuple[int, bool], ...]:
-        """The memory's operands by number, and whether they last."""
+        """Index of each memory operand, and True if it stays unchanged where the guard fails."""
         lasts = jax.tree.leaves(jax.tree.broadcast(lasting, self.memory))
         return tuple((self.first_memory + n, last) for n, last in enumerate(lasts))
 
     def of_pair(self, scalars: tuple[Array, ...]) -> tuple[Tree, Tree, Tree, Tree, Tree]:
-        """Particle, partner, pair, shared and memory of one pair."""
+        """Rebuilds particle, partner, pair, shared and memory of one pair from its scalars."""
         left = iter(scalars)
         particle, partner, others = [], [], []
         for operand in self.operands:
@@ -155,15 +158,18 @@ class _Trees:
 
 
 class _Results:
-    """The trees that a law returns as a list of scalars, and of arrays as trees again."""
+    """Flattens the pytrees that a law returns to scalars, and rebuilds them from result arrays."""
 
     def __init__(self, trees: _Trees) -> None:
         self.trees = trees
         self.outputs: list[tuple[Kind, tuple[int, ...]]] = []
-        """Kind and rows of every result, known when the law has been traced."""
+        """Kind and rows of each result; filled when the law is traced."""
 
     def flatten(self, to_particle: Tree, to_partner: Tree, memory: Tree) -> list[Array]:
-        """The scalars: of every sum the particle's and then the partner's, of the memory."""
+        """Lists the scalars of all sums, then those of the memory.
+
+        Each sum contributes its scalars for the particle, then those for the partner.
+        """
         self.sums: Any
         self.memory: Any
         mine, self.sums = jax.tree.flatten(to_particle, is_leaf=_is_vector)
@@ -186,7 +192,7 @@ class _Results:
         return values
 
     def unflatten(self, arrays: list[Array]) -> tuple[Tree, Tree]:
-        """Sums and memory."""
+        """Rebuilds the pytrees of the sums and of the memory."""
         sums = self.sums.num_leaves
         return self.sums.unflatten(arrays[:sums]), self.memory.unflatten(arrays[sums:])
 
@@ -196,7 +202,7 @@ class _Results:
 
 
 def _taken(operand: Operand, left: Iterator[Array]) -> Array | tuple[Array, ...]:
-    """The next scalar, or a tuple of as many as the operand has rows."""
+    """Takes the next scalar, or a tuple of C scalars if the operand has C rows."""
     if not operand.rows:
         return next(left)
     return tuple(next(left) for _ in range(operand.width))

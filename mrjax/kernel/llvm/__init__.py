@@ -1,1 +1,1 @@
-"""The loop over pairs as machine code: LLVM compiles the law's own JAX program for the CPU."""
+"""Compilation of a loop over pairs to machine code for the CPU: LLVM compiles the law's jaxpr."""

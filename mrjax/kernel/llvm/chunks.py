@@ -1,8 +1,8 @@
-"""A loop over pairs in chunks, each with sums of its own, which are added up in the chunks' order.
+"""A loop over pairs in chunks; each chunk has its own sums, which are added in the chunks' order.
 
-A chunk has room for all particles, but clears, fills and hands on only from the first to the last
-that its pairs name. In a list in the order of particles, which are in some order in space, these
-are few.
+The buffer of a chunk has space for all particles. A chunk clears, fills and passes on only the
+range from the lowest to the highest particle id of its pairs. This range is short if particles are
+sorted in space and the pair list is sorted by particle.
 """
 
 from llvmlite import ir
@@ -13,17 +13,18 @@ from .threads import word
 
 
 def room_for_sums(outputs: tuple[Operand, ...], particles: int) -> int:
-    """Numbers that one chunk sums."""
+    """Number of values in the sums of one chunk."""
     return sum(leaf.width * _length(leaf, particles) for leaf in _sums(outputs))
 
 
 def chunk_stages(
     loop: PairLoop, body: ir.Function, chunks: int, particles: int, room: int
 ) -> list[ir.Function]:
-    """Functions of the words of a job and the number of a chunk: its pairs, and its share of sums.
+    """Builds the stages of a chunked loop: one evaluates the pairs, one adds up the sums.
 
-    The words are the addresses of arrays that `body` takes, that of room for the sums of all
-    chunks, and the number of pairs; then they keep which particles the chunks name.
+    Each stage is a function of the words of a job and the index of a chunk. The words hold the
+    addresses of the arrays that `body` takes, the address of the buffer for the sums of all chunks,
+    and the number of pairs. The words after these store the range of particle ids of each chunk.
     """
     module = body.module
     some = _Stage(loop, module, "some", chunks, particles, room)
@@ -44,7 +45,7 @@ def _length(leaf: Operand, particles: int) -> int:
 
 
 class _Stage:
-    """One of the functions, and what it finds among the words."""
+    """Builder of one stage function, with the values that it loads from the words of the job."""
 
     def __init__(
         self,
@@ -74,7 +75,7 @@ class _Stage:
         self.lows, self.highs = arrays + 2, arrays + 2 + chunks
 
     def pairs(self, body: ir.Function) -> None:
-        """The loop over the pairs of this chunk."""
+        """Emits the loop over the pairs of this chunk."""
         build = self.build
         begin, end = self.share(self.listed)
         low, high = self.named(begin, end)
@@ -90,7 +91,10 @@ class _Stage:
         build.ret_void()
 
     def sums(self) -> None:
-        """Adds up the chunks' sums, for this chunk's share of the particles and for all."""
+        """Emits the addition of all chunks' sums, for this chunk's share of the particles.
+
+        The first chunk also adds up the outputs that are summed over all pairs.
+        """
         build = self.build
         begin, end = self.share(LONG(self.particles))
         outputs = list(enumerate(self.loop.outputs))
@@ -117,7 +121,7 @@ class _Stage:
         build.ret_void()
 
     def share(self, number: ir.Value) -> tuple[ir.Value, ir.Value]:
-        """Begin and end of this chunk of so many."""
+        """Begin and end of this chunk's share of `number` items."""
         build = self.build
         after = build.add(self.chunk, LONG(1))
         return tuple(
@@ -125,7 +129,7 @@ class _Stage:
         )
 
     def named(self, begin: ir.Value, end: ir.Value) -> tuple[ir.Value, ir.Value]:
-        """The first particle that these pairs name, and the one after the last."""
+        """Lowest particle id of these pairs, and one more than the highest."""
         build = self.build
         particles = INT(self.particles)
         low, high = (build.alloca(INT) for _ in range(2))
@@ -147,7 +151,7 @@ class _Stage:
         return tuple(build.sext(build.load(place, typ=INT), LONG) for place in (low, high))
 
     def place(self, chunk: ir.Value, output: int) -> ir.Value:
-        """Address of the sums of a chunk that belong to an output."""
+        """Address of a chunk's sums for one output."""
         build, loop = self.build, self.loop
         before = room_for_sums(loop.outputs[:output], self.particles)
         of_chunks = build.mul(chunk, LONG(room_for_sums(loop.outputs, self.particles)))
@@ -155,7 +159,7 @@ class _Stage:
         return build.gep(self.apart, [numbers], source_etype=self.number)
 
     def rows(self, output: int, array: ir.Value) -> list[ir.Value]:
-        """Addresses of the rows of an output, in the array itself or in a chunk's."""
+        """Addresses of the rows of an output, in the output array or in the sums of a chunk."""
         leaf = self.loop.outputs[output]
         steps = (LONG(row * _length(leaf, self.particles)) for row in range(leaf.width))
         return [self.build.gep(array, [step], source_etype=self.number) for step in steps]

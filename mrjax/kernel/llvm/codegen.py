@@ -1,9 +1,9 @@
-"""A law of pairs as machine code: one loop over the pairs, from the law's own JAX program.
+"""Machine code for a loop over pairs, compiled by LLVM from the jaxpr of the law.
 
-XLA splits a contact law into some thirty passes over all pairs. Here LLVM compiles the same program
-into the body of one loop: it looks at every pair, collects those that touch, and takes them through
-the law a few at a time, in the lanes of the processor's vectors. XLA calls it through its foreign
-function interface.
+XLA splits a contact law into some thirty passes over all pairs. Here LLVM compiles the same jaxpr
+into the body of one loop. The loop evaluates the guard of every pair, collects the pairs that pass
+(those in contact), and evaluates the law for several of them at a time in SIMD lanes. XLA calls the
+compiled loop through its foreign function interface.
 """
 
 import ctypes
@@ -22,39 +22,46 @@ from .jaxpr import FREE, FUNCTIONS, INT, LONG, POINTER, TYPES, counted, translat
 from .xla_ffi import NULL, CallFrame
 
 VECTOR, LINEAR = 32, 64
-"""Bytes of a vector in which pairs are taken together: four in double precision, and eight in loops
-that are linear in changes, as those that go backwards are, which was faster."""
-CHUNKS = 8
-"""Into which a long list is divided; the same for any number of threads, and so are the sums."""
-LONG_LIST = 16_384
-"""Pairs from which on that pays."""
+"""Bytes of a SIMD vector of pairs, in ordinary loops and in loops linear in tangents or cotangents.
 
-_engines: dict[str, binding.ExecutionEngine] = {}  # each owns the code of a name
+In double precision these are four and eight pairs. Eight were faster in linear loops, which reverse
+mode uses.
+"""
+CHUNKS = 8
+"""Number of chunks of a long list.
+
+It does not depend on the number of threads, so the order of summation does not either.
+"""
+LONG_LIST = 16_384
+"""Capacity of a list, in pairs, from which on chunks make a loop faster."""
+
+_engines: dict[str, binding.ExecutionEngine] = {}  # each owns the machine code of one name
 _lock = Lock()
 
 
 def _lanes(loop: PairLoop) -> int:
-    """Number of pairs that are taken together."""
+    """Number of pairs that are evaluated together."""
     return loop.lanes(LINEAR if loop.linear else VECTOR)
 
 
 def chunk_count(room: int) -> int:
-    """Number of chunks of a list with room for so many pairs."""
+    """Number of chunks of a pair list with capacity `room`."""
     return CHUNKS if room >= LONG_LIST else 1
 
 
 @cache
 def registered(loop: PairLoop, particles: int, room: int) -> str:
-    """The name under which XLA finds the compiled loop: the same in every process.
+    """Compiles a loop, registers it with XLA, and returns its name, the same in every process.
 
-    A chunked loop has one extra scratch output, of `chunks.room_for_sums` for each; ignore it.
+    A chunked loop has one extra scratch output, of `chunks.room_for_sums` values for each chunk;
+    ignore it.
 
     Args:
       loop: the loop.
-      particles, room: N and P, which are part of the code: where a row begins is then known.
+      particles, room: N and P; they are constants in the code, so row offsets are constants too.
 
     Raises:
-      NotImplementedError: the law has an operation that is not translated here.
+      NotImplementedError: the law has an operation that cannot be translated.
     """
     module = _module(loop, particles, room)
     name = "mrjax_" + hashlib.sha256(str(module).encode()).hexdigest()[:32]
@@ -95,7 +102,11 @@ def _compiled(source: str) -> binding.ExecutionEngine:
 
 
 def _module(loop: PairLoop, particles: int, room: int) -> ir.Module:
-    """The law for some pairs, the loop over all or a chunk, and the handler that XLA calls."""
+    """Builds the LLVM module of a loop.
+
+    It has a function `law` for one vector of pairs, a function `loop` for all pairs or one chunk,
+    and the `handler` that XLA calls.
+    """
     module = ir.Module("pairs")
     operands = 3 + len(loop.inputs)
     pointers = [POINTER] * (operands + len(loop.outputs))
@@ -108,7 +119,7 @@ def _module(loop: PairLoop, particles: int, room: int) -> ir.Module:
         if loop.linear:
             # On a stack aligned to 16 bytes, vectors as long as a cache line would straddle two.
             made.attributes.alignstack = LINEAR
-            made.attributes.add("nounwind")  # without another, llvmlite leaves the first out
+            made.attributes.add("nounwind")  # llvmlite omits alignstack if it is the only attribute
         for index, argument in enumerate(made.args[: len(pointers)]):
             if index not in shared:
                 argument.add_attribute("noalias")
@@ -136,7 +147,7 @@ def _module(loop: PairLoop, particles: int, room: int) -> ir.Module:
 
 
 class _Body:
-    """Code that reads and writes the arrays of a call, in a function that is given them."""
+    """Builder of a function that reads and writes the arrays of a call, which are its arguments."""
 
     def __init__(
         self, loop: PairLoop, function: ir.Function, particles: ir.Constant, room: ir.Constant
@@ -157,13 +168,14 @@ class _Body:
         low: ir.Value,
         high: ir.Value,
     ) -> None:
-        """Every listed pair looked at, and those that touch handed on.
+        """Emits the loop over pairs: the guard of each pair, then the law for vectors of pairs.
 
         Args:
-          law: for those that touch.
-          begin, end: the pairs. The places from the end to before `past` are empty, and zeros are
-            written there but where an output takes an input's place.
-          low, high: particles from the first to before the second are added to, no others.
+          law: function called for pairs that pass the guard.
+          begin, end: range of the pairs, `end` exclusive.
+          past: end of the empty entries that follow from `end`, exclusive. Zeros are written there,
+            except where an output reuses the buffer of an input.
+          low, high: range of the particles that these pairs add to, `high` exclusive.
         """
         build, loop = self.build, self.loop
         in_place = {of.taken for of in loop.in_place}
@@ -199,7 +211,7 @@ class _Body:
         left = build.load(met, typ=LONG)
         with build.if_then(build.icmp_signed(">", left, LONG(0))):
             first = build.load(found, typ=LONG)
-            with counted(build, left, LONG(lanes)) as lane:  # pairs to fill the vector up
+            with counted(build, left, LONG(lanes)) as lane:  # repeat a pair in the unused lanes
                 build.store(first, build.gep(found, [lane], source_etype=LONG))
             build.call(law, [*self.arguments, found, left, sums])
         for index, (pointer, leaf) in enumerate(zip(self.outputs, loop.outputs, strict=True)):
@@ -215,9 +227,14 @@ class _Body:
         build.ret_void()
 
     def law(self, found: ir.Value, count: ir.Value, sums: ir.Value) -> None:
-        """The law for as many pairs as there are lanes, of which the first `count` are new.
+        """Emits the law for one vector of pairs; only the first `count` lanes are counted.
 
-        What is summed over all pairs is added to a vector each, lane by lane.
+        Outputs that are summed over all pairs are accumulated lane by lane in a vector each.
+
+        Args:
+          found: address of the indices of the pairs, one for each lane.
+          count: number of lanes in use; the other lanes repeat a pair.
+          sums: address of the vectors of the outputs that are summed over all pairs.
         """
         build, loop = self.build, self.loop
         lanes = _lanes(loop)
@@ -261,7 +278,7 @@ class _Body:
         return self.build.gep(sums, [LONG(number)], source_etype=of)
 
     def below(self, count: ir.Value, lanes: int) -> ir.Value:
-        """A bit a lane: whether its number is below the count."""
+        """Mask of the lanes whose index is below `count`."""
         counts = ir.VectorType(LONG, lanes)(ir.Undefined)
         for lane in range(lanes):
             counts = self.build.insert_element(counts, count, INT(lane))
@@ -297,7 +314,7 @@ class _Body:
 
 
 class _Reader:
-    """The scalars of one pair, by their number among the arguments of the law."""
+    """Loads the scalars of one pair, each at most once, by their index in the law's arguments."""
 
     def __init__(self, body: _Body, pair: ir.Value):
         self.body, self.pair, build = body, pair, body.build

@@ -1,4 +1,4 @@
-"""The scalars of a JAX program as instructions of LLVM, one by one, or several at once in lanes."""
+"""Translation of a jaxpr of scalars to LLVM instructions, on scalars or on vectors of lanes."""
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -18,7 +18,7 @@ TYPES = {
     "bool": BIT,
 }
 FREE = ("contract", "nsz", "arcp")
-"""Liberties with rounding that XLA takes too: a b + c in one operation, reciprocals."""
+"""Fast-math flags that XLA uses too: fused multiply-add, unsigned zero, division by reciprocal."""
 
 
 def _nth(of: Callable[[Any], ir.Value], atoms: list, place: int) -> ir.Value:
@@ -26,14 +26,14 @@ def _nth(of: Callable[[Any], ir.Value], atoms: list, place: int) -> ir.Value:
 
 
 def as_word(build: ir.IRBuilder, value: ir.Value) -> ir.Value:
-    """A number of eight bytes, or an address as one."""
+    """Converts an address to an 8-byte integer; returns an 8-byte integer unchanged."""
     address = isinstance(value.type, ir.PointerType)
     return build.ptrtoint(value, LONG) if address else value
 
 
 @contextmanager
 def counted(build: ir.IRBuilder, begin: ir.Value, end: ir.Value) -> Iterator[ir.Value]:
-    """A loop of an index from begin to before end."""
+    """Emits a loop whose index runs from `begin` to `end`, exclusive."""
     before = build.block
     head, body, after = (build.append_basic_block() for _ in range(3))
     build.branch(head)
@@ -54,13 +54,13 @@ def translate(
     read: Callable[[int], ir.Value],
     lanes: int | None,
 ) -> list[ir.Value]:
-    """A program of scalars, written where the builder stands.
+    """Emits a program of scalars at the position of the builder, and returns its results.
 
     Args:
       build: the builder.
       closed: the program.
-      read: its arguments by number, called where they are needed.
-      lanes: of vectors that stand for the scalars; None for scalars.
+      read: function that returns an argument by its index; it is called where the value is needed.
+      lanes: number of lanes of the vectors that replace the scalars; None for scalars.
     """
     arguments = {variable: i for i, variable in enumerate(closed.jaxpr.invars)}
     values = {
@@ -87,10 +87,10 @@ def translate(
 
 
 def _type(dtype: np.dtype, lanes: int | None) -> ir.Type:
-    """The type of a number, or of one in each lane.
+    """LLVM type of a scalar, or of a vector with one scalar in each lane.
 
     Raises:
-      NotImplementedError: a kind of number that has no type here.
+      NotImplementedError: the dtype is not in `TYPES`.
     """
     if dtype.name not in TYPES:
         raise NotImplementedError(f"{dtype.name} has no machine code here")
@@ -99,10 +99,10 @@ def _type(dtype: np.dtype, lanes: int | None) -> ir.Type:
 
 
 def _constant(value: object, dtype: np.dtype, lanes: int | None) -> ir.Constant:
-    """A number, or the same number in each lane.
+    """LLVM constant of a scalar, or of a vector with the same scalar in each lane.
 
     Raises:
-      NotImplementedError: it is an array, or of another kind of number.
+      NotImplementedError: the value is an array, or its dtype is not in `TYPES`.
     """
     array = np.asarray(value)
     if array.size > 1:
@@ -132,14 +132,14 @@ FUNCTIONS = {
     **{name: name for name in ("sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "lgamma")},
     "rem": "fmod",
 }
-"""Operations of JAX, and the functions of the C library that compute them."""
+"""Functions of the C library, keyed by the JAX operation that they compute."""
 
 
 def _operation(build: ir.IRBuilder, equation, given: list[ir.Value], lanes: int | None) -> ir.Value:
-    """One operation of JAX on scalars.
+    """Emits one JAX operation on scalars.
 
     Raises:
-      NotImplementedError: it is none of those that contact laws consist of.
+      NotImplementedError: the operation is not among those that contact laws use.
     """
     name, kind = equation.primitive.name, equation.outvars[0].aval.dtype
     of = equation.invars[0].aval.dtype
@@ -196,7 +196,7 @@ def _intrinsic(
 def _composed(
     build: ir.IRBuilder, name: str, given: list[ir.Value], dtype: np.dtype, lanes: int | None
 ) -> ir.Value:
-    """An operation that is made of others: 1/sqrt(x), 1/(1 + e^-x), the sign, within bounds."""
+    """Emits an operation composed of others: 1/sqrt(x), 1/(1 + e^-x), the sign, or a clamp."""
     zero, one = _constant(0.0, dtype, lanes), _constant(1.0, dtype, lanes)
     if name == "rsqrt":
         root = build.call(_intrinsic(build.module, "llvm.sqrt", dtype, lanes, 1), given)
@@ -206,7 +206,7 @@ def _composed(
         return build.fdiv(
             one, build.fadd(one, _function_of_library(build, "exp", negative, dtype, lanes))
         )
-    if name == "sign":  # zero and NaN are their own
+    if name == "sign":  # the sign of zero is that zero, the sign of NaN is NaN
         negative = build.select(build.fcmp_ordered("<", given[0], zero), build.fneg(one), given[0])
         return build.select(build.fcmp_ordered(">", given[0], zero), one, negative)
     least, value, most = given
@@ -217,7 +217,7 @@ def _composed(
 def _function_of_library(
     build: ir.IRBuilder, name: str, given: list[ir.Value], dtype: np.dtype, lanes: int | None
 ) -> ir.Value:
-    """A function of the C library in double precision, lane by lane."""
+    """Emits calls of a C library function in double precision, lane by lane."""
     double = TYPES["float64"]
     if name not in build.module.globals:
         ir.Function(build.module, ir.FunctionType(double, [double] * len(given)), name)

@@ -1,10 +1,10 @@
-"""Chunks of one call, each taken by whichever of XLA's threads is free, or by the caller.
+"""LLVM code that shares the chunks of one call among XLA's threads and the calling thread.
 
-Threads draw from one counter the right to do a chunk. The caller does them from the first on,
-others from the last, so that each meets mostly what it had in the call before and has in its own
-memory. How many each does is chance, what is done is not. The caller waits for chunks that others
-have begun, but for no thread to begin: one that comes late finds nothing left to do. Until then
-the job's place in memory is kept, which is why it outlives the call.
+A thread that increments a common counter may do one more chunk. The caller takes chunks from the
+first on, helpers take them from the last on. So each thread mostly meets data of the previous call
+that is still in its own cache. The number of chunks of each thread is random, the result is not.
+The caller waits for chunks that helpers have begun, but never for a helper to begin: a late helper
+finds no chunk left. The job is reserved until the last helper has left, so it can outlive the call.
 """
 
 import os
@@ -15,15 +15,15 @@ from .jaxpr import BIT, INT, LONG, POINTER, as_word, counted
 from .xla_ffi import CallFrame
 
 JOBS = 16
-"""Calls of one loop that may be under way with help; any more do their chunks themselves."""
-# Words of eight bytes at the beginning of a job, before those that its chunks read and write.
+"""Maximum number of concurrent calls of one loop with helpers; further calls run on one thread."""
+# Indices of the 8-byte words that begin a job, before the words that its chunks read and write.
 USERS, DRAWN, DONE, LAST, WORDS = 0, 1, 2, 3, 5
 STAGES = WORDS - LAST
-"""The most there may be; of each is counted what has been drawn from the last chunk on."""
+"""Maximum number of stages; each has a counter of the chunks that helpers took from the end."""
 
 
 def word(build: ir.IRBuilder, words: ir.Value, index: int | ir.Value) -> ir.Value:
-    """Address of a word of eight bytes."""
+    """Address of the 8-byte word with this index."""
     index = LONG(index) if isinstance(index, int) else index
     return build.gep(words, [index], source_etype=LONG)
 
@@ -31,14 +31,14 @@ def word(build: ir.IRBuilder, words: ir.Value, index: int | ir.Value) -> ir.Valu
 def run(
     frame: CallFrame, stages: list[ir.Function], chunks: int, given: list[ir.Value], spare: int
 ) -> None:
-    """Has all chunks of the first stage done, then all of the next; where the builder stands.
+    """Emits code that runs all chunks of the first stage, then all chunks of the next stage.
 
     Args:
-      frame: of the call.
-      stages: functions of the words of a job and the number of a chunk.
-      chunks: of each stage.
-      given: the first words of the job.
-      spare: words after them, for the chunks to write.
+      frame: the call frame; code is emitted at the position of its builder.
+      stages: functions of the words of a job and the index of a chunk.
+      chunks: number of chunks of each stage.
+      given: values of the first words of the job.
+      spare: number of words after them, which the chunks may write.
     """
     assert len(stages) <= STAGES
     build, module = frame.build, frame.build.module
@@ -79,7 +79,7 @@ def run(
 
 
 def _work(module: ir.Module, stages: list[ir.Function], chunks: int) -> ir.Function:
-    """Does chunks until none is left, as the caller or as another."""
+    """Emits the function that does chunks until none is left, for the caller and for helpers."""
     work = _function(module, "work", BIT)
     job, calling = work.args
     build = ir.IRBuilder(work.append_basic_block())
@@ -112,7 +112,7 @@ def _work(module: ir.Module, stages: list[ir.Function], chunks: int) -> ir.Funct
 
 
 def _task(module: ir.Module, work: ir.Function) -> ir.Function:
-    """The function that another thread is asked to call."""
+    """Emits the function that a helper thread calls."""
     task = _function(module, "task")
     build = ir.IRBuilder(task.append_basic_block())
     build.call(work, [*task.args, BIT(0)])
@@ -122,13 +122,13 @@ def _task(module: ir.Module, work: ir.Function) -> ir.Function:
 
 
 def _wait(build: ir.IRBuilder, job: ir.Value, number: int) -> None:
-    """Until so many chunks are done."""
+    """Emits a wait until `number` chunks are done."""
     again, after = build.append_basic_block(), build.append_basic_block()
     build.branch(again)
     build.position_at_end(again)
     done = build.load_atomic(word(build, job, DONE), "acquire", 8, typ=LONG)
     missing = build.icmp_signed("<", done, LONG(number))
-    if os.name == "posix":  # who is waited for may want this very core
+    if os.name == "posix":  # the thread we wait for may need this core
         with build.if_then(missing):
             build.call(_yield(build.module), [])
     build.cbranch(missing, again, after)
@@ -136,7 +136,7 @@ def _wait(build: ir.IRBuilder, job: ir.Value, number: int) -> None:
 
 
 def _yield(module: ir.Module) -> ir.Function:
-    """The function `sched_yield` of the C library."""
+    """Declares the function `sched_yield` of the C library."""
     name = "sched_yield"
     if name in module.globals:
         return module.globals[name]
@@ -144,7 +144,7 @@ def _yield(module: ir.Module) -> ir.Function:
 
 
 def _left(build: ir.IRBuilder, job: ir.Value) -> None:
-    """One user fewer; without any the place is free."""
+    """Emits the decrement of the number of users; a job without users is free for the next call."""
     build.atomic_rmw("sub", word(build, job, USERS), LONG(1), "acq_rel")
 
 

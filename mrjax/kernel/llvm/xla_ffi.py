@@ -1,4 +1,4 @@
-"""A call of XLA's, as a function of C finds it (xla/ffi/api/c_api.h), in instructions of LLVM."""
+"""LLVM code that reads the call frame of XLA's foreign function interface (xla/ffi/api/c_api.h)."""
 
 import re
 from functools import cache
@@ -9,7 +9,7 @@ from llvmlite import ir
 
 from .jaxpr import INT, LONG, POINTER, as_word
 
-# Where the interface keeps what is read here, in bytes.
+# Offsets in the C structs of the interface, in bytes.
 EXTENSION, INTERFACE, CONTEXT, ARGUMENTS, RESULTS = 8, 16, 24, 72, 112
 METADATA, MAJOR, MINOR = 24, 24, 28
 DATA = 24
@@ -18,11 +18,11 @@ MAJOR_VERSION = 0
 
 
 class CallFrame:
-    """The call frame of a handler: arrays, and XLA's threads."""
+    """The call frame of a handler: access to the buffers of the call and to XLA's thread pool."""
 
     def __init__(self, build: ir.IRBuilder, pointer: ir.Value):
         self.build, self.pointer = build, pointer
-        # XLA first asks, by the only extension there is, for the version this was written for.
+        # On registration XLA calls with a metadata extension, which asks for the API version.
         extension = self._at(pointer, EXTENSION)
         with build.if_then(build.icmp_unsigned("!=", extension, NULL)):
             metadata = self._at(extension, METADATA)
@@ -31,7 +31,11 @@ class CallFrame:
             build.ret(NULL)
 
     def buffers(self, arguments: int, results: int) -> list[ir.Value]:
-        """Addresses of the numbers of so many arguments and results."""
+        """Addresses of the data of the arguments, then of the results.
+
+        Args:
+          arguments, results: numbers of each.
+        """
         places = self._at(self.pointer, ARGUMENTS), self._at(self.pointer, RESULTS)
         return [
             self._at(self._at(place, 8 * i), DATA)
@@ -40,18 +44,18 @@ class CallFrame:
         ]
 
     def threads(self) -> ir.Value:
-        """Number of threads that XLA computes with; 1 where it does not say."""
+        """Number of threads in XLA's pool; 1 if XLA does not report it."""
         number = self.build.alloca(LONG)
         self.build.store(LONG(1), number)
         self._asked(NUMBER_OF_THREADS, number)
         return self.build.load(number, typ=LONG)
 
     def schedule(self, task: ir.Function, data: ir.Value) -> ir.Value:
-        """Has one of XLA's threads call the task, now or later; whether it will."""
+        """Asks XLA's thread pool to call the task, now or later; true if the pool accepts."""
         return self._asked(SCHEDULE, task, data)
 
     def _asked(self, function: int, *given: ir.Value) -> ir.Value:
-        """Calls the interface; whether that did without error."""
+        """Calls a function of the interface; true if it succeeds."""
         build = self.build
         error = self._called(function, self._at(self.pointer, CONTEXT), *given)
         failed = build.icmp_unsigned("!=", error, NULL)
@@ -65,7 +69,7 @@ class CallFrame:
         return self.build.call(address, [self._struct(*given)])
 
     def _struct(self, *members: ir.Value) -> ir.Value:
-        """Begins with its own size and no extension."""
+        """Allocates an argument struct: its own size, a null extension, then the members."""
         size = 8 * (2 + len(members))
         struct = self.build.alloca(LONG, size // 8)
         for place, member in enumerate((LONG(size), NULL, *members)):
@@ -83,7 +87,7 @@ FROM_STRUCT = ir.FunctionType(POINTER, [POINTER]).as_pointer()
 
 
 def byte_offset(build: ir.IRBuilder, base: ir.Value, offset: int) -> ir.Value:
-    """So many bytes on."""
+    """Address at `offset` bytes after `base`."""
     return build.gep(base, [LONG(offset)], source_etype=ir.IntType(8))
 
 
