@@ -1,4 +1,4 @@
-"""Particles for a number of steps: neighbours, contacts and their history, integrator, engine.
+"""The discrete element method: neighbour list, pair forces, contact history, integrator, engine.
 
-Works in reduced units on concrete shapes. Ways to run it are in `mrjax.simulation`.
+It works in reduced units, with concrete shapes. `mrjax.simulation` has the functions that run it.
 """

@@ -1,4 +1,4 @@
-"""Coefficients of a pair force as operands of the sum over pairs: equal, by kind or by pair."""
+"""Coefficients of a pair force, stored once for all pairs, by kind of pair, or by pair."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,26 +19,27 @@ from mrjax.laws.vectors import Vector
 
 @dataclass(frozen=True)
 class CoefficientArrays:
-    """A force and its coefficients on all pairs of a list, in as few arrays as hold them.
+    """A force and its coefficients for all pairs of a list, stored compactly.
 
-    What is equal for all pairs is one number. Where all particles are alike, what differs has one
-    value for two particles and one for a particle at a wall; otherwise one for every pair.
+    A coefficient that is equal for all pairs is one number. If all particles are alike, any other
+    coefficient has one value for each of two kinds of pair: particle and particle, particle and
+    wall. Otherwise it has one value for every pair.
     """
 
     shared: list[Array]
-    """By kind where particles are alike, and then what is equal for all."""
+    """Arrays by kind if particles are alike, then an array of the numbers equal for all pairs."""
     by_pair: Array | None
-    """(C, P)."""
+    """Coefficients of every pair, (C, P); None if particles are alike or nothing differs."""
     kinds: int
     """Number of arrays by kind."""
     differing: tuple[int, ...]
-    """Leaves of the coefficients that differ between pairs."""
+    """Indices of the leaves of the coefficients that differ between pairs."""
     structure: Any
-    """Tree of the coefficients."""
+    """Tree structure of the coefficients."""
     numbers: tuple[bool, ...]
-    """Leaves of the force itself: True for one number, which is equal for all pairs."""
+    """True for each leaf of the force that is one number, equal for all pairs."""
     force: Any
-    """Tree of the force."""
+    """Tree structure of the force."""
 
     @staticmethod
     def of_pairs(
@@ -48,14 +49,14 @@ class CoefficientArrays:
         material: Array | None,
         pairs: Pairs,
     ) -> "CoefficientArrays":
-        """The coefficients of the pairs of a list.
+        """Evaluates the coefficients of a force for the pairs of a list.
 
         Args:
-          force: in the system of units of the parameters.
-          parameters: in one coherent system of units.
+          force: the force, in the units of the parameters.
+          parameters: physical parameters, in any coherent system of units.
           coated: the coated particles.
-          material: of each particle, (N,); None where all are of one.
-          pairs: the list.
+          material: material index of each particle, (N,); None if all have the same material.
+          pairs: the pair list.
         """
         alike = force.alike(parameters, material)
         surfaces = SurfacePairs(*pairs.surfaces, material, coated)
@@ -88,11 +89,11 @@ class CoefficientArrays:
     def of_pair(
         self, shared: Sequence[Vector], own: Vector | None, axis: Array
     ) -> tuple[PairForce, Any]:
-        """The force and its coefficients for one pair.
+        """Rebuilds the force and its coefficients for one pair.
 
         Args:
-          shared, own: its scalars of `shared` and `by_pair`.
-          axis: of a wall's normal, 0 to 2; -1 where both are particles.
+          shared, own: scalars of the pair, read from `shared` and `by_pair`.
+          axis: axis of a wall's normal, 0 to 2; -1 if both surfaces are particles.
         """
         values = own or ()
         if self.kinds:
@@ -112,5 +113,5 @@ class CoefficientArrays:
         return force, self.structure.unflatten(leaves)
 
     def equal_radius(self, shared: Sequence[Vector]) -> Array:
-        """The radius of every particle, where all are equal."""
+        """Radius of every particle; call it only if all radii are equal."""
         return shared[self.kinds][-1]

@@ -1,7 +1,8 @@
-"""The history of contacts: tangential displacements, rotated with the plane, by partner's id.
+"""Contact history: the values that a pair carries from step to step, such as tangential springs.
 
-A neighbour list is rebuilt and its slots reordered many times during one contact. The history is
-therefore found again by the id of the partner. Walls are partners with ids of their own.
+The neighbour list is rebuilt and reordered many times during one contact. The history is therefore
+stored with the id of the partner, and looked up by that id after a rebuild. Each wall has an id of
+its own. Vectors of the history rotate with the tangent plane of the contact.
 """
 
 from collections.abc import Mapping
@@ -20,25 +21,28 @@ from mrjax.dem.pairs import Pairs
 from mrjax.laws.vectors import Vector, cross, dot, plus, times
 
 History = dict[str, Array]
-"""What every pair remembers, by name, as the first of its two surfaces sees it: (3, P) or (P,)."""
+"""History of every pair, by name, in the sense of its first surface: (3, P) or (P,)."""
 
 
 class Remembered(NamedTuple):
-    """The kind of a memory of pairs."""
+    """Size and unit of one entry of the contact history."""
 
     size: int
-    """3 for a vector, of which the partner sees the opposite; 1 for a number that both see."""
+    """3 for a vector, whose sign is reversed for the partner; 1 for a number, the same for both."""
     unit: str = "1"
-    """Its unit in SI, as of `mrjax.quantity`."""
+    """SI unit, written as for `mrjax.quantity`."""
 
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class ParticleHistory:
-    """`ContactHistory` in the kernel's layout and units: what a rebuild of the list finds again."""
+    """`ContactHistory` in the layout and units of the engine, with S slots for each particle.
 
-    partner: Array  # (S, N)
-    memory: dict[str, tuple[Array, ...]]  # by name, (S, N) for each component
+    After a rebuild of the neighbour list, the history of each pair is looked up here.
+    """
+
+    partner: Array  # id of the partner in each slot, (S, N)
+    memory: dict[str, tuple[Array, ...]]  # history by name, (S, N) for each component
 
     def of_pairs(self, holder: Array, partner: Array) -> History:
         """History of each (holder, partner) pair, ids (P,); zero without earlier contact."""
@@ -58,15 +62,15 @@ class ParticleHistory:
 
 
 def pairs_from_particles(history: ParticleHistory, pairs: Pairs) -> History:
-    """History of the pairs of a list, (P,); that of others is dropped."""
+    """Looks up the history of the pairs of a list, (P,); the history of other pairs is dropped."""
     _, partner = _surface_ids(pairs)
     return history.of_pairs(pairs.first, jnp.where(pairs.present, partner, NOBODY - 1 - len(WALLS)))
 
 
 def particles_from_pairs(history: History, pairs: Pairs) -> ParticleHistory:
-    """History of both surfaces of every pair, each in a slot of its own.
+    """Stores the history of every pair for both of its surfaces, each in a slot of its own.
 
-    The second sees the opposite of a vector, and a number as it is.
+    For the second surface the sign of a vector is reversed, and a number is unchanged.
     """
 
     def both(rows: Array) -> tuple[Array, ...]:
@@ -82,7 +86,7 @@ def particles_from_pairs(history: History, pairs: Pairs) -> ParticleHistory:
 
 
 def _surface_ids(pairs: Pairs) -> tuple[Array, Array]:
-    """Ids of the firsts and of the seconds, as `ContactHistory` has them; (P,) each."""
+    """Ids of first and second surfaces, numbered as in `ContactHistory`; (P,) each."""
     walls = jnp.array(WALLS, pairs.second.dtype)
     particles = pairs.places.shape[1]
     wall = walls[jnp.maximum(pairs.second - particles, 0)]
@@ -97,18 +101,18 @@ def from_state(
     memory: Mapping[str, Remembered],
     units: Units = SI,
 ) -> ParticleHistory:
-    """History of a state in `slots` slots; blank where the state brings none.
+    """Converts the contact history of a state to S slots; entries without history are zero.
 
     Args:
-      contacts: of the state, or None.
+      contacts: contact history of the state, or None.
       like: an array (N, ...) that gives the number of particles and the dtype.
-      slots: S, at least as many as the state brings.
-      memory: what pairs remember, by name.
-      units: of the history.
+      slots: number S of slots, at least as many as the state has.
+      memory: size and unit of each entry of the history, by name.
+      units: units of the result.
     """
     held = widened(contacts, slots)
     if held is None:
-        nobody = np.full((like.shape[0], slots), NOBODY, np.int32)  # filled without a program
+        nobody = np.full((like.shape[0], slots), NOBODY, np.int32)  # numpy: nothing to compile
         held = ContactHistory(jnp.asarray(nobody), None, None)
 
     def components(name: str, kind: Remembered) -> tuple[Array, ...]:
@@ -131,13 +135,13 @@ def to_state(
     memory: Mapping[str, Remembered],
     units: Units = SI,
 ) -> ContactHistory | None:
-    """History as part of a state, times a factor; None where there is none.
+    """Converts a history to SI, as part of a state; None if pairs have no history.
 
     Args:
-      history: in the kernel's units.
-      nan_if_faulty: 1, or NaN where a fault was found, ().
-      memory: what pairs remember, by name.
-      units: of the history.
+      history: the history, in the units of the engine.
+      nan_if_faulty: factor on all values: 1, or NaN if the run has a fault, ().
+      memory: size and unit of each entry of the history, by name.
+      units: units of `history`.
     """
     if not history.memory:
         return None
@@ -152,15 +156,16 @@ def to_state(
 
 
 def rotate_into_tangent_plane(vector: Vector, normal: Vector, turn: Vector, twist: Array) -> Vector:
-    """A vector of the old tangent plane, turned into the new one with the contact.
+    """Rotates a vector of the old tangent plane, with the contact, into the new tangent plane.
 
-    It stays perpendicular to the normal, and keeps its length to the fourth power of the angles.
+    The result is perpendicular to the new normal. Its length is conserved up to terms of fourth
+    order in the angles.
 
     Args:
-      vector: perpendicular to the normal of the step before.
-      normal: of this step.
-      turn: how the normal changed since.
-      twist: angle by which the two surfaces together turned about the normal, rad.
+      vector: a vector perpendicular to the normal of the previous step.
+      normal: normal of this step.
+      turn: change of the normal since the previous step.
+      twist: mean angle by which the two surfaces turned about the normal, rad.
     """
     # Perpendicular to the old normal, n - turn: R v = v - (v.n)(n + n_old) / (1 + n.n_old).
     vector = plus(vector, -dot(vector, normal), plus(normal, -0.5, turn))

@@ -1,4 +1,4 @@
-"""Contacts at one moment: how many, and what they exert."""
+"""Contacts of a state: coordination number, normal forces, and total force on each particle."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -30,21 +30,21 @@ from mrjax.laws import effective, normal, particle
 def contact_forces(
     state: State, parameters: Parameters, box: Box, *, forces: Sequence[Force] | None = None
 ) -> tuple[Array, Array]:
-    """Force and torque of its pairs on every particle, dissipation and walls included.
+    """Total force and torque on every particle from pair forces, with dissipation and walls.
 
-    Works under `jit` and `grad` where the state brings its contact diameter; NaN where the
-    particles of a traced call are packed denser than there is room for.
+    The function works under `jit` and `grad` if the state has a contact diameter. In a traced call
+    the result is NaN if the particles are packed too densely for the neighbour list.
 
     Args:
-      state: a moment of a run; its contacts remember how far their springs are stretched.
-      parameters, box: those of the run.
-      forces: those of the run; of them the forces between pairs are summed. Left out, contact.
+      state: state of the particles; its contact history gives the tangential springs.
+      parameters, box: parameters and container of the run.
+      forces: forces of the run, of which only the pair forces count; contact if left out.
 
     Returns:
       forces, (N, 3) in N, and torques about the centres, (N, 3) in N m.
 
     Raises:
-      InputError: parameters that do not fit the state, or something that is no force.
+      InputError: the parameters do not fit the state, or an entry of `forces` is not a force.
     """
     pairs, sums, units = _moment(System.of(state, parameters, box, forces=forces))
     force = units.scale((1, 1, -2)) * sums.force.T
@@ -56,15 +56,15 @@ def contact_forces(
 def coordination_number(state: State, parameters: Parameters, box: Box) -> Array:
     """Number of particles that each particle touches, walls not counted; (N,).
 
-    Whole numbers, without a derivative; -1 where the particles of a traced call are packed denser
-    than there is room for.
+    The numbers are integers and have no derivative. In a traced call they are -1 if the particles
+    are packed too densely for the neighbour list.
 
     Args:
-      state: a moment of a run.
-      parameters, box: those of the run.
+      state: state of the particles.
+      parameters, box: parameters and container of the run.
 
     Raises:
-      InputError: parameters that do not fit the state.
+      InputError: the parameters do not fit the state.
     """
     pairs, sums, _ = _moment(System.of(state, parameters, box))
     touch = sums.deepest > 0.0
@@ -75,14 +75,15 @@ def coordination_number(state: State, parameters: Parameters, box: Box) -> Array
 
 
 class ContactList(NamedTuple):
-    """The C contacts of one moment, those with walls among them."""
+    """The C contacts of a state, including those with walls."""
 
     first: np.ndarray
-    """Row of a particle, (C,)."""
+    """Index of the first particle, (C,)."""
     second: np.ndarray
-    """Row of its partner, or from N on a wall: lower and upper end of x, then y, then z; (C,)."""
+    """Index of the partner, (C,); walls follow from N on: lower and upper x, then y, then z."""
     reach: np.ndarray
-    """From the centre of the first to that of the second, or to the wall; (C, 3) in m."""
+    """Vector from the centre of the first particle to that of the second, or to the wall; (C, 3)
+    in m."""
     force: np.ndarray
     """Normal force, dissipation included; (C,) in N."""
 
@@ -92,14 +93,14 @@ Touching = ContactList
 
 
 def normal_forces(state: State, parameters: Parameters, box: Box) -> ContactList:
-    """Every contact and its normal force. Not for traced calls.
+    """Lists all contacts with their normal forces. It cannot be traced (by `jit` or `grad`).
 
     Args:
-      state: a moment of a run.
-      parameters, box: those of the run.
+      state: state of the particles.
+      parameters, box: parameters and container of the run.
 
     Raises:
-      InputError: parameters that do not fit the state.
+      InputError: the parameters do not fit the state.
     """
     pairs, sums, units = _moment(System.of(state, parameters, box))
     reduced = parameters.reduced(units).astype(state.position.dtype)
@@ -129,7 +130,10 @@ def normal_forces(state: State, parameters: Parameters, box: Box) -> ContactList
 
 
 def _moment(system: System) -> tuple[Pairs, PairForceSums, Units]:
-    """The pairs of a moment and what they exert, in reduced units."""
+    """Pairs of a state, the sums of their forces in reduced units, and these units.
+
+    In a call that is not traced, the neighbour list is enlarged until it holds every pair.
+    """
     state, parameters, _, box, _ = system
     checks.refuse_bad_parameters(
         parameters, state.particles, state.material, contacts=system.in_contact
@@ -175,7 +179,7 @@ def _exerted(
     *,
     settings: EngineSettings,
 ) -> tuple[Pairs, PairForceSums]:
-    """The pairs of a moment, and what they exert; in reduced units, as one program."""
+    """Pairs of a state and the sums of their forces, in reduced units; one compiled program."""
     plan, box, parameters = settings.neighbour_list, settings.box, matter.parameters
     radii = jnp.broadcast_to(particle.outer_radius(parameters), position.shape[1:])
     listed_gap = plan.cutoff - 2.0 * jnp.max(radii)

@@ -1,8 +1,8 @@
-"""The motion of N particles, one interval of the neighbour list after another.
+"""`Engine` advances the motion of N particles by intervals of the neighbour list.
 
 Reduced units: the largest contact radius is the unit of length, the step is the unit of time. An
-interval begins with a check of the list, which is rebuilt if need be, and takes a fixed number of
-steps. The compiled loops over intervals and frames are in `scan`.
+interval begins with a check of the list, which is rebuilt if necessary. Then a fixed number of
+steps follows. The compiled loops over intervals and frames are in `scan`.
 """
 
 from typing import NamedTuple
@@ -36,8 +36,10 @@ from mrjax.laws import particle
 from mrjax.laws.hindrance import hindered_parameters
 
 SPEED_MARGIN = 2.0
-"""Safety factor on speed when deciding whether the list survives the next interval. A particle that
-becomes faster still outruns the list, which is a fault of the run."""
+"""Safety factor on speed when deciding whether the list survives the next interval.
+
+A particle that becomes faster than this outruns the list, which is a fault of the run.
+"""
 
 
 class Motion(NamedTuple):
@@ -45,13 +47,13 @@ class Motion(NamedTuple):
 
     pairs: Pairs
     origin: Array  # positions when the list was built, (3, N)
-    travelled: Array  # since then, (3, N)
+    travelled: Array  # displacements since the list was built, (3, N)
     velocity: Array  # (3, N)
     spin: Array  # (3, N)
     history: History
-    overlap: Array  # deepest of each particle so far, (N,)
+    overlap: Array  # deepest overlap of each particle so far, (N,)
     mode: ModeEstimate
-    fault: Array  # ()
+    fault: Array  # bits of `Fault`, ()
 
     @property
     def position(self) -> Array:
@@ -68,7 +70,7 @@ class Observed(NamedTuple):
     trajectory: Trajectory | None  # (N, 3) each
 
     def in_lab_units(self, units: Units, nan_if_faulty: Array) -> "Observed":
-        """Reduced units to SI, times a factor, (): 1, or NaN for a run not to be trusted."""
+        """Converts to SI and multiplies by a factor, (): 1, or NaN if the run has a fault."""
         trajectory = self.trajectory
         return Observed(
             nan_if_faulty * units.length * self.heights,
@@ -82,20 +84,20 @@ class Outcome(NamedTuple):
     """Results of a whole motion, in reduced units."""
 
     history: ParticleHistory
-    overlap: Array  # deepest, radii, ()
-    coating: Array  # deepest, thicknesses of the coating, ()
-    fault: Array  # ()
+    overlap: Array  # deepest overlap, in radii, ()
+    coating: Array  # deepest overlap, in thicknesses of the coating, ()
+    fault: Array  # bits of `Fault`, ()
 
 
 class StepCoefficients(NamedTuple):
     """Coefficients of a step for velocities and spins; () or (N,), gains (2,) or (2, N)."""
 
-    keep: Array  # share of a velocity that drag leaves
-    keep_spin: Array
-    gains: Array  # by which forces and torques become changes of velocity and spin
-    falling: Array  # added by forces that do not change, (3, N)
-    gain: Array  # by which a force becomes a change of velocity, () or (N,)
-    gain_spin: Array  # and a torque one of spin
+    keep: Array  # factor of the velocity over a step of drag
+    keep_spin: Array  # factor of the spin over a step of drag
+    gains: Array  # `gain` and `gain_spin`, stacked
+    falling: Array  # change of velocity by steady forces, (3, N)
+    gain: Array  # change of velocity per force, () or (N,)
+    gain_spin: Array  # change of spin per torque, () or (N,)
 
 
 class Steps(NamedTuple):
@@ -105,23 +107,23 @@ class Steps(NamedTuple):
     velocity: Array  # (3, N)
     spin: Array  # (3, N)
     history: History
-    deepest: Array  # overlap of each pair so far, (P,)
-    farthest: Array  # greatest square of the displacements, (N,)
+    deepest: Array  # deepest overlap of each pair so far in the interval, (P,)
+    farthest: Array  # largest squared displacement of each particle so far, (N,)
 
 
 class Engine:
-    """Advances a motion by intervals, and reads off it what is recorded."""
+    """Advances a motion by intervals and evaluates its observables."""
 
     def __init__(
         self, matter: Matter, settings: EngineSettings, particles: int, dtype: DTypeLike
     ) -> None:
-        """An engine for N particles, in reduced units.
+        """Prepares an engine for N particles, in reduced units.
 
         Args:
-          matter: what the laws read.
-          settings: what fixes the program.
-          particles: N.
-          dtype: of the motion.
+          matter: parameters, materials, local drag and forces.
+          settings: static settings, which fix the compiled program.
+          particles: number of particles N.
+          dtype: dtype of the motion.
         """
         self.matter, self.settings = matter, settings
         self.particles, self.dtype = particles, dtype
@@ -139,18 +141,18 @@ class Engine:
         self.radius = per_particle(self.coated.radius, particles)
         self.listed_gap = settings.neighbour_list.cutoff - 2.0 * jnp.max(self.radius)
         self.skin_left = self.listed_gap - self.reach if self.reach else self.listed_gap
-        # Without hindrance it does not depend on where the particles are.
+        # Without hindrance the coefficients do not depend on the positions.
         self.uniform_step = self._step_coefficients() if matter.hindrance is None else None
 
     @property
     def reach(self) -> float:
-        """The largest gap at which a force acts."""
+        """Largest gap between surfaces at which a force acts."""
         return max(self.settings.reach, default=0.0)
 
     def begin(
         self, position: Array, velocity: Array, spin: Array, history: ParticleHistory
     ) -> Motion:
-        """A motion from positions, velocities and spins, (3, N) each, and contact history."""
+        """Starts a motion from positions, velocities and spins, (3, N) each, and a history."""
         pairs, origin, travelled = self._list_at(position)
         return Motion(
             pairs,
@@ -165,7 +167,7 @@ class Engine:
         )
 
     def interval(self, motion: Motion) -> Motion:
-        """The motion after the next interval."""
+        """Returns the motion after the next interval."""
         if self.particles > 1:
             motion = lax.cond(self._stale(motion), self._rebuilt, lambda motion: motion, motion)
         pairs, origin = motion.pairs, motion.origin
@@ -188,7 +190,7 @@ class Engine:
         )
 
     def observed(self, motion: Motion) -> Observed:
-        """Observables of a motion."""
+        """Evaluates the observables of a motion."""
         speed = jnp.sqrt(lax.stop_gradient(_squares(motion.velocity)))
         trajectory = None
         if self.settings.trajectory:
@@ -197,17 +199,17 @@ class Engine:
         return Observed(motion.position[2], descent, jnp.mean(speed), trajectory)
 
     def checked(self, motion: Motion) -> Motion:
-        """The same motion with every fault that shows by now."""
+        """Returns the motion with its fault updated from positions, velocities and overlaps."""
         return motion._replace(fault=self._faults(motion, *self._depths(motion)))
 
     def outcome(self, motion: Motion) -> Outcome:
-        """The outcome of a motion, with every fault that shows by now."""
+        """Returns the outcome of a motion, with its fault updated as by `checked`."""
         overlap, coating = self._depths(motion)
         fault = self._faults(motion, overlap, coating)
         return Outcome(particles_from_pairs(motion.history, motion.pairs), overlap, coating, fault)
 
     def _steps(self, motion: Motion) -> Steps:
-        """All steps of an interval."""
+        """Takes all steps of an interval."""
         origin = motion.origin
         sum_over_pairs = self.pair_forces.on(motion.pairs)
 
@@ -244,13 +246,13 @@ class Engine:
             jnp.zeros_like(motion.travelled, shape=self.settings.neighbour_list.pairs),
             lax.stop_gradient(_squares(half_way)),
         )
-        # Contacts are evaluated half-way; the next interval checks where the last step leads.
+        # Forces act half-way; the last position belongs to the next interval, which checks it.
         checks_list = np.arange(self.settings.steps) < self.settings.steps - 1
         end, _ = lax.scan(step, begin, checks_list)
         return end
 
     def _mode(self, motion: Motion, deepest: Array, position: Array) -> ModeEstimate:
-        """The fastest mode of the pairs of an interval."""
+        """Estimates the fastest mode of the pairs of an interval."""
         pairs = motion.pairs
         stiffness = total_stiffness(
             self.pair_forces, pairs, self._deepest_kinematics(motion, deepest, position)
@@ -261,7 +263,7 @@ class Engine:
     def _deepest_kinematics(
         self, motion: Motion, deepest: Array, position: Array
     ) -> PairKinematics:
-        """Geometry of every pair at its deepest overlap, or at its present gap; (P,)."""
+        """Kinematics at rest of every pair at its deepest overlap, or at its present gap; (P,)."""
         pairs, moved = motion.pairs, position - motion.origin
         still = jnp.zeros_like(pairs.separation[0])
         walls = jnp.zeros_like(position, shape=(3, WALL_COUNT))
@@ -294,7 +296,7 @@ class Engine:
         )
 
     def _kicks(self, position: Array | None = None) -> tuple[Kick, Kick]:
-        """Coefficients of a step for velocities and spins, by local drag where positions matter."""
+        """Coefficients of a step for velocities and spins; with hindrance, by local drag."""
         parameters, _, hindrance, _ = self.matter
         if hindrance is not None and position is not None:
             box = self.settings.box
@@ -310,7 +312,7 @@ class Engine:
         )
 
     def _steady_force(self) -> Array:
-        """The sum of the forces that do not change, (3, N)."""
+        """Sum of the steady body forces, (3, N)."""
         nowhere = jnp.zeros((3, self.particles), self.dtype)
         particles = Particles(nowhere, nowhere, nowhere)
         steady = [
@@ -321,7 +323,7 @@ class Engine:
         return sum(steady[1:], steady[0]) if steady else nowhere
 
     def _body_kicks(self, particles: Particles, at: StepCoefficients) -> tuple[Array, Array]:
-        """What forces that change add to velocities and spins in a step, (3, N) each."""
+        """Changes of velocity and spin in a step by the unsteady body forces, (3, N) each."""
         pushed = spun = jnp.zeros_like(particles.velocity)
         for force in self.moving_forces:
             wrench = force(self.matter.parameters, particles)
@@ -331,14 +333,14 @@ class Engine:
         return pushed, spun
 
     def _list_at(self, position: Array) -> tuple[Pairs, Array, Array]:
-        """The pairs at these positions, the positions, and the displacements since: zero.
+        """Returns the pair list at these positions, the positions, and displacements of zero.
 
-        All that is differentiated of a position is the displacement, particle by particle, not
-        also the separation of every pair.
+        Derivatives with respect to a position flow through the displacement of the particle only.
+        The positions and separations of the list are constants of differentiation.
         """
         box, plan = self.settings.box, self.settings.neighbour_list
         origin = lax.stop_gradient(position)
-        # A lone particle has room for every wall, and may go anywhere.
+        # A single particle has every wall in its list, so it can move freely.
         gap = self.listed_gap if self.particles > 1 else jnp.asarray(jnp.inf, self.dtype)
         around = neighbours.build(plan, box, origin.T)
         pairs = pair_list.list_pairs(around, box, origin, self.radius, gap, plan.pairs)
@@ -354,7 +356,7 @@ class Engine:
         return (2.0 * (gone + ahead) > self.skin_left) & (gone > 0.0)
 
     def _rebuilt(self, motion: Motion) -> Motion:
-        """The same motion with a new list of pairs."""
+        """Returns the motion with a new pair list at its present positions."""
         pairs, origin, travelled = self._list_at(motion.position)
         history = particles_from_pairs(motion.history, motion.pairs)
         return motion._replace(
@@ -373,7 +375,7 @@ def _squares(vectors: Array) -> Array:
 
 
 def _faults_of_motion(box: Box, end: Motion, too_deep: Array, coating: Array) -> Array:
-    """The faults that positions, velocities and overlaps show, ()."""
+    """Faults visible in positions, velocities and overlaps, as bits of `Fault`, ()."""
     escaped = jnp.zeros((), bool)
     for axis in box.walled_axes:
         outside = (end.position[axis] < 0.0) | (end.position[axis] > box.size[axis])

@@ -1,4 +1,4 @@
-"""Bounds on the forces of a list beside weight and Hertz contact, for the step of a run."""
+"""Bounds on forces other than weight and contact, which limit the time step of a run."""
 
 from typing import Any, NamedTuple
 
@@ -22,33 +22,33 @@ from mrjax.laws.effective import SurfacePairs
 from mrjax.laws.vectors import dot
 
 GAPS = 65
-"""Gaps at which a pair force is looked at, from a small overlap to its reach."""
+"""Number of gaps at which a pair force is sampled, from the overlap `DEEPEST` to its reach."""
 DEEPEST = 0.05
-"""The deepest overlap looked at, in radii."""
+"""Deepest sampled overlap, in radii."""
 SAMPLED = 64
-"""Particles that are looked at, evenly by size."""
+"""Largest number of sampled particles; they are evenly spaced in the order of size."""
 
 
 class ForceBounds(NamedTuple):
-    """Greatest values of all forces but weight and contact together."""
+    """Upper bounds on the sum of all forces other than weight and contact."""
 
     stiffness: float = 0.0
-    """|dF/dh| of a pair, N/m."""
+    """Stiffness |dF/dh| of a pair, N/m."""
     pair_force: float = 0.0
     """Force of a pair, N."""
     acceleration: float = 0.0
-    """By body forces at the start, m/s^2."""
+    """Acceleration by body forces at the start, m/s^2."""
 
 
 NO_OTHER_FORCES = ForceBounds()
 
 
 def force_bounds(system: System, reach: tuple[float, ...]) -> ForceBounds:
-    """The bounds of a system; those that depend on traced values are left out.
+    """Bounds on the forces of a system; forces that depend on traced values are left out.
 
     Args:
-      system: in SI.
-      reach: of each pair force, m.
+      system: the system, in SI.
+      reach: reach of each pair force, m.
     """
     state, numbers = system.state, drop_tracers(system.parameters)
     stiffness = pair_force = acceleration = 0.0
@@ -69,7 +69,10 @@ def force_bounds(system: System, reach: tuple[float, ...]) -> ForceBounds:
 def _of_pair(
     force: PairForce, numbers: Parameters, state: State, reach: float
 ) -> tuple[Array, Array]:
-    """Greatest stiffness and force over gaps, of particles with their like and with a wall."""
+    """Largest stiffness and force over the sampled gaps.
+
+    Each sampled particle is paired with a copy of itself and with a wall.
+    """
     coated, material, count = particle.coated_particle(numbers), state.material, state.particles
     sizes = np.broadcast_to(coated.radius, count)
     ids = np.argsort(sizes)[np.linspace(0, count - 1, min(count, SAMPLED)).astype(int)]
@@ -101,17 +104,17 @@ def _of_pair(
 
 
 def _of_bodies(force: BodyForce, numbers: Parameters, state: State) -> Array:
-    """Greatest acceleration at the start."""
+    """Largest acceleration by a body force at the start."""
     particles = Particles(state.position.T, state.velocity.T, state.spin.T)
     pushed = jnp.asarray(force(numbers, particles).force)
     return jnp.max(jnp.sqrt(jnp.sum(pushed**2, axis=0)) / particle.inertia(numbers))
 
 
 def plan_reach(system: System) -> tuple[float, ...]:
-    """The reach of each pair force, m.
+    """Evaluates the reach of each pair force, m.
 
     Raises:
-      InputError: it is traced, or no length.
+      InputError: a reach is traced, or is not a length.
     """
     reach = []
     for force in system.pair_forces:

@@ -1,7 +1,7 @@
-"""The forces on the particles, one file a force: contact, gravity; `force` says what a force is.
+"""Forces on the particles: contact and gravity, one file each; `force` has the base classes.
 
-Drag is linear in velocity and spin and part of the integrator, which solves it exactly. Of Eq. 1
-(Son 2018) the magnetic and the weak forces are left out, as in the paper.
+Drag is linear in velocity and spin, and the integrator solves it exactly. The magnetic and the weak
+forces of Eq. 1 (Son 2018) are left out, as in the paper.
 """
 
 import importlib
@@ -29,14 +29,14 @@ laws = active_laws
 
 
 def active_forces(forces: Sequence[Force] | None, parameters: Parameters) -> tuple[Force, ...]:
-    """The forces of a run, without the parts whose coefficients are known to be zero.
+    """Returns the forces of a run, without the parts whose coefficients are known to be zero.
 
     Args:
-      forces: the list of a call; None for the bundled ones, gravity and contact.
-      parameters: of the run.
+      forces: the list of forces; None for gravity and contact.
+      parameters: parameters of the run.
 
     Raises:
-      InputError: something that is no force, or two forces that remember by one name.
+      InputError: an entry is not a force, or two forces use the same name in the contact history.
     """
     given = (Gravity(), Contact()) if forces is None else forces
     if isinstance(given, str) or not isinstance(given, Sequence):
@@ -62,7 +62,7 @@ def active_forces(forces: Sequence[Force] | None, parameters: Parameters) -> tup
 
 
 def with_gravity_of(forces: Sequence[Force], parameters: Parameters) -> Parameters:
-    """The parameters with the gravity of the list: along z, and zero where nothing in it weighs."""
+    """Returns the parameters with the gravity along z of the list, zero if it has no `Gravity`."""
     for force in forces:
         if isinstance(force, Gravity):
             return force.parameters(parameters)
@@ -70,7 +70,7 @@ def with_gravity_of(forces: Sequence[Force], parameters: Parameters) -> Paramete
 
 
 def __getattr__(name: str) -> Any:
-    """The sum of the contacts of a list, by its names of before."""
+    """Looks up former names, which now belong to `mrjax.dem.pair_forces`."""
     if name in ("of_contacts", "contact_law", "ContactForces", "Loads"):
         return getattr(importlib.import_module("mrjax.dem.pair_forces"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -2,8 +2,8 @@
 
     F = F_n n + F_t,    M = -a n x F_t + M_r
 
-with the lever arm a from the centre to the middle of the overlap. Its forces are terms of Eqs. 1, 2
-and 19; the laws are those of `mrjax.laws.normal`, `tangential` and `rolling`.
+Here a is the lever arm, from the centre to the middle of the overlap. The forces are terms of
+Eqs. 1, 2 and 19. The laws are in `mrjax.laws.normal`, `tangential` and `rolling`.
 """
 
 from dataclasses import dataclass, field
@@ -28,7 +28,7 @@ from mrjax.laws.vectors import Vector, cross, plus, times
 
 @dataclass(frozen=True)
 class ActiveLaws:
-    """The laws of contact that a run needs; without friction there is no history."""
+    """Selects the contact laws of a run; without friction there is no contact history."""
 
     sliding: bool
     rolling: bool
@@ -36,7 +36,7 @@ class ActiveLaws:
 
 
 def active_laws(parameters: Parameters) -> ActiveLaws:
-    """The laws whose coefficient is not known to be zero, or whose derivative may be wanted."""
+    """Selects the laws whose coefficients are traced, or are not known to have no effect."""
 
     def acts(coefficient: Array, idle: float = 0.0) -> bool:
         return isinstance(coefficient, Tracer) or bool(np.any(value_or_none(coefficient) != idle))
@@ -60,39 +60,39 @@ class Contact(PairForce):
     laws: ActiveLaws = field(
         default=ActiveLaws(sliding=True, rolling=True, damped=True), metadata={"static": True}
     )
-    """The laws that act; a run leaves out those whose coefficients are zero."""
+    """Laws that act; a run leaves out laws whose coefficients are zero."""
 
     greatest_overlap = 0.25
     in_si = False
 
     def active(self, parameters: Parameters) -> Self:
-        """The same without the laws whose coefficients are known to be zero."""
+        """Returns the force without the laws whose coefficients are known to be zero."""
         return type(self)(active_laws(parameters))
 
     def apart(self) -> Self:
-        """The same without a history, which would only be compiled."""
+        """Returns the force without friction and history, which would be compiled for nothing."""
         return type(self)(ActiveLaws(sliding=False, rolling=False, damped=False))
 
     def coefficients(self, parameters: Parameters, surfaces: SurfacePairs) -> PairProperties:
-        """E*, G*, R*, m* and what the tables of materials have.
+        """Effective constants E*, G*, R* and m* of pairs, and their values in tables by material.
 
         Args:
-          parameters: of the run.
-          surfaces: the pairs.
+          parameters: parameters of the run.
+          surfaces: surfaces of the pairs.
         """
         return effective.of_surfaces(parameters, surfaces)
 
     def alike(self, parameters: Parameters, material: Array | None) -> bool:
-        """True if all particles are of one material, size and mass.
+        """True if all particles have the same material, size and mass.
 
         Args:
-          parameters: of the run.
-          material: of each particle, (N,); None where all are of one.
+          parameters: parameters of the run.
+          material: material index of each particle, (N,); None if all have the same material.
         """
         return effective.alike(parameters, material)
 
     def memory(self) -> dict[str, Remembered]:
-        """Displacement along the partner's surface, and the angle rolled on it."""
+        """Contact history: displacement along the partner's surface, and angle rolled on it."""
         sliding = {"sliding": Remembered(3, "m")} if self.laws.sliding else {}
         return sliding | ({"rolling": Remembered(3, "rad")} if self.laws.rolling else {})
 
@@ -103,7 +103,7 @@ class Contact(PairForce):
         memory: Memory,
         time_step: ArrayLike,
     ) -> tuple[Wrench, Memory]:
-        """Eqs. 4 and 7 with rolling resistance, and the new displacements of the contact."""
+        """Force and torques by Eqs. 4 and 7 with rolling resistance, and the new history."""
         properties, new = coefficients, {}
         normal_force = normal.normal_force(
             pair.overlap,
@@ -157,12 +157,12 @@ class Contact(PairForce):
     def stiffness(
         self, pair: PairKinematics, coefficients: PairProperties, time_step: ArrayLike
     ) -> Stiffness:
-        """Hertz's and Mindlin's springs with their dashpots; contacts that slide count as held.
+        """Springs of Hertz and Mindlin with their dashpots; sliding contacts count as sticking.
 
         Args:
-          pair: of which the overlap is read, m.
-          coefficients: those of the pair.
-          time_step: s.
+          pair: kinematics of the pair, of which only the overlap is used, m.
+          coefficients: coefficients of the pair.
+          time_step: length of a step, s.
         """
         properties, touching = coefficients, pair.overlap > 0.0
         depth = jnp.where(touching, pair.overlap, 1.0)

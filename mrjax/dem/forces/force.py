@@ -1,9 +1,9 @@
-"""The two kinds of force: between two surfaces, and on every particle by itself.
+"""Base classes of forces: `PairForce` between two surfaces, `BodyForce` on each single particle.
 
-A force is a dataclass whose fields are its coefficients. They are leaves: they can be
-differentiated, fitted and mapped like the parameters. A law is written in SI: all that it is given
-is in SI, and so is what it returns. The bundled forces are written in any coherent system of units
-instead, and are evaluated in the reduced units of a run.
+A force is a dataclass whose fields are its coefficients. They are leaves of a pytree, so they can
+be differentiated, fitted and mapped like the parameters. A law is written in SI: all its arguments
+and results are in SI. The bundled forces are the exception. They hold in any coherent system of
+units, and are evaluated in the reduced units of a run.
 """
 
 from collections.abc import Mapping
@@ -24,27 +24,27 @@ from mrjax.laws.effective import SurfacePairs
 from mrjax.laws.vectors import Vector, dot
 
 Memory = Mapping[str, Any]
-"""What a pair or particle remembers, by name: a number, or a vector of three components."""
+"""History of a pair, by name: a number, or a vector of three components."""
 
 
 class Wrench(NamedTuple):
-    """A force, and the torques that go with it."""
+    """A force and its torques."""
 
     force: Vector
-    """On the particle, N; of a pair, the partner gets the opposite."""
+    """Force on the particle, N; the partner of a pair gets the opposite force."""
     torque: Vector | None = None
-    """On the particle about its centre, N m; None for none."""
+    """Torque on the particle about its centre, N m; None for no torque."""
     partner_torque: Vector | None = None
-    """On the partner about its centre, N m; None for none."""
+    """Torque on the partner about its centre, N m; None for no torque."""
 
 
 class Stiffness(NamedTuple):
-    """The springs and dashpots of pairs that the step has to resolve; (P,) or ()."""
+    """Springs and dashpots of pairs, which limit the stable time step; (P,) or ()."""
 
     normal: ArrayLike
-    """dt K + 2 c along the normal, kg/s: stiffness K, dashpot c."""
+    """dt K + 2 c along the normal, with stiffness K and dashpot c; kg/s."""
     tangential: ArrayLike = 0.0
-    """The same along the tangent plane, kg/s."""
+    """dt K + 2 c in the tangent plane, kg/s."""
 
 
 @dataclass_transform(frozen_default=True, field_specifiers=(quantity,))
@@ -52,34 +52,34 @@ class Force:
     """A force of a run. A subclass is a frozen dataclass, and a pytree of its fields."""
 
     in_si = True
-    """False for a law that is written in any coherent system of units, as the bundled ones are."""
+    """True if the law is in SI; False if it holds in any coherent units, as the bundled forces."""
 
     def __init_subclass__(cls, **keywords: Any) -> None:
-        """Makes the subclass a dataclass that JAX takes apart."""
+        """Makes the subclass a frozen dataclass and registers it as a JAX pytree."""
         super().__init_subclass__(**keywords)
         jax.tree_util.register_dataclass(dataclass(frozen=True)(cls))
 
     def active(self, parameters: Parameters) -> Self:
-        """The same force without the parts whose coefficients are known to be zero."""
+        """Returns the force without the parts whose coefficients are known to be zero."""
         return self
 
     def apart(self) -> Self:
-        """The same force for a run in which no surfaces touch."""
+        """Returns the force for a run in which no surfaces touch."""
         return self
 
     def reduced(self, units: Units) -> Self:
-        """The same force in the reduced units of a run, where it is not written in SI."""
+        """Returns the force in the reduced units of a run, for a law that is not written in SI."""
         return reduced(self, units)
 
 
 class PairForce(Force):
-    """A force between two surfaces, written for one pair; the kernel sums it over all.
+    """A force between two surfaces, written for one pair; the kernel sums it over all pairs.
 
-    A subclass gives the law, `__call__`, and overrides what differs from a force that acts in
-    contact only, has no coefficients by pair and remembers nothing. It must vanish beyond
-    its reach.
-    Inside the law the fields of `self` are numbers; a field with one number for each particle is
-    None there, and reaches the law by `coefficients`.
+    A subclass defines the law in `__call__`. By default a force acts in contact only, has no
+    coefficients by pair, and has no history: override the other methods to change this. The force
+    must vanish beyond its reach.
+    Inside the law the fields of `self` are numbers. A field with one number for each particle is
+    None there; the law receives its values through `coefficients`.
 
     Example:
       >>> class Attraction(mrjax.PairForce):
@@ -95,56 +95,57 @@ class PairForce(Force):
     """
 
     greatest_overlap = float("inf")
-    """Overlap, in radii, beyond which the law is no description; a run that exceeds it fails."""
+    """Largest overlap for which the law is valid, in radii; a run that exceeds it fails."""
 
     def __call__(
         self, pair: PairKinematics, coefficients: Any, memory: Memory, time_step: ArrayLike
     ) -> tuple[Wrench, Memory]:
-        """The force of one pair, and its new memory.
+        """Returns the force of one pair and its new history.
 
         Args:
           pair: geometry and relative motion of the two surfaces.
-          coefficients: those of this pair, of the tree that `coefficients` returns.
-          memory: what the pair remembers, by name.
-          time_step: by which the memory advances, s.
+          coefficients: coefficients of this pair, in the pytree that `coefficients` returns.
+          memory: history of the pair, by name.
+          time_step: time by which the history advances, s.
         """
         raise NotImplementedError(f"{type(self).__name__} has no law: define __call__")
 
     def reach(self, parameters: Parameters) -> ArrayLike:
-        """The largest gap between surfaces at which the force acts, m; 0: in contact only."""
+        """Largest gap between surfaces at which the force acts, m; 0 if it acts in contact only."""
         return 0.0
 
     def coefficients(self, parameters: Parameters, surfaces: SurfacePairs) -> Any:
-        """Coefficients of pairs: a tree of arrays, (P,) each, or () where equal for all.
+        """Coefficients of pairs: a pytree of arrays, (P,) each, or () if equal for all pairs.
 
         Args:
-          parameters: of the run.
-          surfaces: the pairs.
+          parameters: parameters of the run.
+          surfaces: surfaces of the pairs.
         """
         return ()
 
     def alike(self, parameters: Parameters, material: Array | None) -> bool:
-        """True if all pairs of particles have the same coefficients, and all with a wall.
+        """True if all pairs of two particles have equal coefficients, and so do all wall pairs.
 
         Args:
-          parameters: of the run.
-          material: of each particle, (N,); None where all are of one.
+          parameters: parameters of the run.
+          material: material index of each particle, (N,); None if all have the same material.
         """
         return False
 
     def memory(self) -> dict[str, Remembered]:
-        """What a pair remembers while it is within reach, by name."""
+        """Size and unit of each entry of a pair's history, by name; kept while within reach."""
         return {}
 
     def stiffness(self, pair: PairKinematics, coefficients: Any, time_step: ArrayLike) -> Stiffness:
-        """Springs and dashpots of one pair, for the stable step.
+        """Springs and dashpots of one pair, which limit the stable step.
 
-        Here: |dF/dh| of the normal force by the gap h, of a pair that remembers nothing.
+        The default is |dF/dh|, the slope of the normal force over the gap h, for a pair without
+        history.
 
         Args:
           pair: geometry and relative motion of the two surfaces.
-          coefficients: those of this pair.
-          time_step: s.
+          coefficients: coefficients of this pair.
+          time_step: length of a step, s.
         """
 
         def normal_force(overlap: Array) -> Array:
@@ -156,7 +157,7 @@ class PairForce(Force):
         return Stiffness(time_step * jnp.abs(slope))
 
     def blank_memory(self, like: Array) -> Memory:
-        """What a pair remembers that has just come within reach: zeros of this shape."""
+        """History of a pair that has just come within reach: zeros of the shape of `like`."""
         zero = jnp.zeros_like(like)
         return {
             name: (zero,) * kind.size if kind.size > 1 else zero
@@ -164,25 +165,25 @@ class PairForce(Force):
         }
 
     def for_one_pair(self) -> Self:
-        """The force as its law sees it: fields that are no single number are None."""
+        """Returns the force as its law sees it: fields that are not a single number become None."""
         leaves, tree = jax.tree.flatten(self)
         scalars = [None if jnp.ndim(leaf) else leaf for leaf in leaves]
         return jax.tree.unflatten(tree, scalars)
 
 
 class Particles(NamedTuple):
-    """The particles at one moment; (3, N) each."""
+    """Positions, velocities and spins of the particles at one moment; (3, N) each."""
 
     position: Array
-    """Centres, m. On periodic axes they run on past the box."""
+    """Centres, m; not wrapped on periodic axes."""
     velocity: Array
-    """m/s."""
+    """Velocities, m/s."""
     spin: Array
-    """rad/s."""
+    """Angular velocities, rad/s."""
 
 
 class BodyForce(Force):
-    """A force and torque on every particle, of all particles: gravity, a field.
+    """A force and torque on every particle, such as gravity or a field; it sees all particles.
 
     Example:
       >>> class Drift(mrjax.BodyForce):
@@ -194,13 +195,13 @@ class BodyForce(Force):
     """
 
     steady = False
-    """True if the force is the same wherever the particles are: it is then computed once."""
+    """True if the force does not depend on the motion of the particles; it is computed once."""
 
     def __call__(self, parameters: Parameters, particles: Particles) -> Wrench:
-        """The force on every particle, (3, N) in N, and the torque, (3, N) in N m, or None.
+        """Returns the force on every particle, (3, N) in N, and the torque, (3, N) in N m, or None.
 
         Args:
-          parameters: of the run.
-          particles: at this moment.
+          parameters: parameters of the run.
+          particles: positions, velocities and spins at this moment.
         """
         raise NotImplementedError(f"{type(self).__name__} has no law: define __call__")

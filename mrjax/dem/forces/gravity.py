@@ -14,8 +14,8 @@ def net_weight(parameters: Parameters, particles: int) -> Array:
     """Weight less buoyancy of every particle, along z; (3, N) in N.
 
     Args:
-      parameters: in one coherent system of units.
-      particles: N.
+      parameters: physical parameters, in any coherent system of units.
+      particles: number of particles N.
     """
     weight = per_particle(particle.net_weight(parameters), particles)
     return jnp.stack([jnp.zeros_like(weight), jnp.zeros_like(weight), -weight])
@@ -25,19 +25,19 @@ class Gravity(BodyForce):
     """Weight less buoyancy, (m - m_f) g."""
 
     vector: ArrayLike | None = quantity("m/s^2", "g, (3,)", default=None)
-    """g, (3,) in m/s^2; None: that of `Parameters`, along -z."""
+    """Gravity g, (3,) in m/s^2; None for that of `Parameters`, along -z."""
 
     steady = True
     in_si = False
 
     def parameters(self, parameters: Parameters) -> Parameters:
-        """Parameters whose gravity is the part of the vector along -z."""
+        """Returns the parameters with the component of the vector along -z as their gravity."""
         if self.vector is None:
             return parameters
         return parameters.replace(gravity=-jnp.asarray(self.vector)[2])
 
     def __call__(self, parameters: Parameters, particles: Particles) -> Wrench:
-        """The net weight of every particle."""
+        """Returns the net weight of every particle."""
         count = particles.position.shape[1]
         if self.vector is None:
             return Wrench(net_weight(parameters, count))

@@ -1,4 +1,4 @@
-"""Forces that are written in SI, for a run in reduced units."""
+"""Conversion of forces written in SI to the reduced units of a run."""
 
 from typing import Any, NamedTuple
 
@@ -24,7 +24,7 @@ from mrjax.laws.vectors import Vector, times
 
 
 def in_reduced_units(force: Force, units: Units) -> Force:
-    """The force in the reduced units of a run."""
+    """Converts a force to the reduced units of a run."""
     if not force.in_si:
         return force.reduced(units)
     scales = Scales(units.mass, units.length, units.time)
@@ -35,7 +35,7 @@ def in_reduced_units(force: Force, units: Units) -> Force:
 
 
 class Scales(NamedTuple):
-    """Reduced units, each as its value in SI, as leaves of a force."""
+    """SI values of the reduced units, as leaves of a force."""
 
     mass: ArrayLike  # kg
     length: ArrayLike  # m
@@ -43,21 +43,21 @@ class Scales(NamedTuple):
 
     @property
     def velocity(self) -> ArrayLike:
-        """m/s."""
+        """Unit of velocity, m/s."""
         return self.length / self.time
 
     @property
     def force(self) -> ArrayLike:
-        """N."""
+        """Unit of force, N."""
         return self.mass * self.length / self.time**2
 
     def parameters(self, parameters: Parameters) -> Parameters:
-        """Parameters in SI."""
+        """Converts parameters to SI."""
         inverse = Units(1.0 / self.mass, 1.0 / self.length, 1.0 / self.time)
         return parameters.reduced(inverse)
 
     def kinematics(self, pair: PairKinematics) -> PairKinematics:
-        """Kinematics in SI."""
+        """Converts kinematics to SI."""
         length, velocity, rate = self.length, self.velocity, 1.0 / self.time
         return PairKinematics(
             overlap=length * pair.overlap,
@@ -73,40 +73,40 @@ class Scales(NamedTuple):
 
 
 class ConvertedPairForce(PairForce):
-    """A pair force that is written in SI; what pairs remember stays in SI."""
+    """Wraps a pair force that is written in SI; the contact history stays in SI."""
 
     force: PairForce
     scales: Scales
 
     @property
     def greatest_overlap(self) -> float:  # type: ignore[override] # of the force
-        """As the force says."""
+        """Largest valid overlap of the wrapped force, in radii."""
         return self.force.greatest_overlap
 
     def coefficients(self, parameters: Parameters, surfaces: SurfacePairs) -> Any:
-        """Those of the force, in SI."""
+        """Coefficients of the wrapped force, in SI."""
         parameters = self.scales.parameters(parameters)
         coated = particle.coated_particle(parameters)
         return self.force.coefficients(parameters, surfaces._replace(coated=coated))
 
     def alike(self, parameters: Parameters, material: Array | None) -> bool:
-        """As the force says."""
+        """True if the wrapped force has the same coefficients for all pairs of a kind."""
         return self.force.alike(parameters, material)
 
     def memory(self) -> dict[str, Remembered]:
-        """That of the force, not converted."""
+        """History of the wrapped force, marked as dimensionless so that it is not converted."""
         return {name: kind._replace(unit="1") for name, kind in self.force.memory().items()}
 
     def __call__(
         self, pair: PairKinematics, coefficients: Any, memory: Memory, time_step: ArrayLike
     ) -> tuple[Wrench, Memory]:
-        """The force of one pair, in reduced units."""
+        """Returns the force of one pair in reduced units, and its new history in SI."""
         time = self.scales.time * time_step
         wrench, memory = self.force(self.scales.kinematics(pair), coefficients, memory, time)
         return _reduced(wrench, self.scales), memory
 
     def stiffness(self, pair: PairKinematics, coefficients: Any, time_step: ArrayLike) -> Stiffness:
-        """That of the force, in reduced units."""
+        """Springs and dashpots of the wrapped force, in reduced units."""
         scales = self.scales
         unit = scales.mass / scales.time
         found = self.force.stiffness(
@@ -118,18 +118,18 @@ class ConvertedPairForce(PairForce):
 
 
 class ConvertedBodyForce(BodyForce):
-    """A body force that is written in SI."""
+    """Wraps a body force that is written in SI."""
 
     force: BodyForce
     scales: Scales
 
     @property
     def steady(self) -> bool:  # type: ignore[override] # of the force
-        """As the force says."""
+        """True if the wrapped force is steady."""
         return self.force.steady
 
     def __call__(self, parameters: Parameters, particles: Particles) -> Wrench:
-        """The force on every particle, in reduced units."""
+        """Returns the force on every particle, in reduced units."""
         scales = self.scales
         in_si = Particles(
             scales.length * particles.position,
@@ -140,7 +140,7 @@ class ConvertedBodyForce(BodyForce):
 
 
 def _reduced(wrench: Wrench, scales: Scales) -> Wrench:
-    """Forces and torques in reduced units."""
+    """Converts forces and torques from SI to reduced units."""
 
     def over(unit: ArrayLike, vector: Vector | None) -> Vector | None:
         return None if vector is None else times(1.0 / unit, vector)
