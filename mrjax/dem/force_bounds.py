@@ -1,6 +1,6 @@
 """Bounds on forces other than weight and contact, which limit the time step of a run."""
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -19,6 +19,7 @@ from mrjax.dem.pair_forces import over_pairs
 from mrjax.dem.plan import System
 from mrjax.laws import particle
 from mrjax.laws.effective import SurfacePairs
+from mrjax.laws.time_scales import ForceBounds
 from mrjax.laws.vectors import dot
 
 GAPS = 65
@@ -27,20 +28,6 @@ DEEPEST = 0.05
 """Deepest sampled overlap, in radii."""
 SAMPLED = 64
 """Largest number of sampled particles; they are evenly spaced in the order of size."""
-
-
-class ForceBounds(NamedTuple):
-    """Upper bounds on the sum of all forces other than weight and contact."""
-
-    stiffness: float = 0.0
-    """Stiffness |dF/dh| of a pair, N/m."""
-    pair_force: float = 0.0
-    """Force of a pair, N."""
-    acceleration: float = 0.0
-    """Acceleration by body forces at the start, m/s^2."""
-
-
-NO_OTHER_FORCES = ForceBounds()
 
 
 def force_bounds(system: System, reach: tuple[float, ...]) -> ForceBounds:

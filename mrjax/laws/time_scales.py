@@ -26,6 +26,20 @@ class Mode(NamedTuple):
     overdamped: float  # factor of K_t without inertia; rotational drag is 4/3 of gamma R^2
 
 
+class ForceBounds(NamedTuple):
+    """Upper bounds on the sum of all forces other than weight and contact."""
+
+    stiffness: float = 0.0
+    """Stiffness |dF/dh| of a pair, N/m."""
+    pair_force: float = 0.0
+    """Force of a pair, N."""
+    acceleration: float = 0.0
+    """Acceleration by body forces at the start, m/s^2."""
+
+
+NO_OTHER_FORCES = ForceBounds()
+"""Weight and contact alone."""
+
 CLOSE_PACKED = (Mode(8.0, 8.0, 8.0), Mode(0.0, 40.0, 12.0))
 """The fastest modes of the face-centred cubic lattice: planes moving apart, and equal spins."""
 

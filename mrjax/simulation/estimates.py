@@ -13,10 +13,9 @@ from mrjax.core.errors import InputError
 from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.core.parameters import Parameters, per_particle
 from mrjax.core.tracing import drop_tracers, evaluated_or_none, value_or_none
-from mrjax.dem.force_bounds import NO_OTHER_FORCES, ForceBounds
 from mrjax.laws import closed_forms, particle, time_scales
 from mrjax.laws.hindrance import BED_FRACTION, Hindrance
-from mrjax.laws.time_scales import Mode
+from mrjax.laws.time_scales import NO_OTHER_FORCES, ForceBounds, Mode
 from mrjax.simulation import softening
 
 RANDOM_BED = (Mode(2.8, 2.8, 2.8),)

@@ -11,11 +11,12 @@ from mrjax.core.errors import InputError
 from mrjax.core.parameters import Parameters
 from mrjax.core.tracing import drop_tracers, evaluated_or_none, value_or_none
 from mrjax.dem import schedule
-from mrjax.dem.force_bounds import ForceBounds, force_bounds, plan_reach
+from mrjax.dem.force_bounds import force_bounds, plan_reach
 from mrjax.dem.neighbours import ListPlan
 from mrjax.dem.plan import RunPlan, System
 from mrjax.laws import particle, time_scales
 from mrjax.laws.hindrance import BED_FRACTION
+from mrjax.laws.time_scales import ForceBounds
 from mrjax.simulation.options import RunOptions
 
 
