@@ -1,12 +1,13 @@
-"""The exponential leapfrog: one step for every regime, with one evaluation of the forces.
+"""Exponential leapfrog: a time step for every drag regime, with one evaluation of the forces.
 
     x_{n+1/2} = x_n + dt/2 v_n
     v_{n+1}   = v_n e^{-alpha dt} + F(x_{n+1/2})/gamma (1 - e^{-alpha dt})
     x_{n+1}   = x_{n+1/2} + dt/2 v_{n+1}
 
-What is stepped is x_{n+1/2} and v_n: the two half steps between forces are one. Drag is integrated
-exactly, so a free fall is exact at any step. alpha dt -> 0 gives the leapfrog (second order,
-symplectic without dissipation), alpha dt -> infinity overdamped Euler.
+The stored variables are x_{n+1/2} and v_n, so the two half steps between force evaluations merge
+into one. Drag is integrated exactly, so a free fall is exact at any step. The limit alpha dt -> 0
+is the leapfrog (second order, symplectic without dissipation). The limit alpha dt -> infinity is
+the overdamped Euler method.
 """
 
 from collections.abc import Callable
@@ -30,12 +31,12 @@ class Kick(NamedTuple):
 
 
 def kick(parameters: Parameters, time_step: float) -> Kick:
-    """The coefficients of a step; finite and differentiable in the limits of no and full drag."""
+    """Coefficients of a velocity step, finite and differentiable without drag and at full drag."""
     return _kick(drag.coefficient(parameters), particle.inertia(parameters), time_step)
 
 
 def spin_kick(parameters: Parameters, time_step: float) -> Kick:
-    """The same for spins and torques: spin -> keep spin + gain torque, gain in s/(kg m^2)."""
+    """Coefficients of a spin step: spin -> keep spin + gain torque, with gain in s/(kg m^2)."""
     moment = particle.moment_of_inertia(parameters)
     return _kick(drag.rotational_coefficient(parameters), moment, time_step)
 
@@ -46,12 +47,12 @@ def _kick(resistance: Array, inertia: Array, time_step: float) -> Kick:
 
 
 def kicked(velocity: Array, keep: Array, added: Array) -> Array:
-    """Velocities after a step, or spins; (3, N). What is kept of them is () or (N,)."""
+    """Velocities or spins after a step, (3, N); the factor `keep` is () or (N,)."""
     return jnp.atleast_2d(keep) * velocity + added
 
 
 def drifted(position: Array, velocity: Array, time: float) -> Array:
-    """Positions after a time, or before where it is negative, at these velocities; (3, N)."""
+    """Positions after a time at constant velocities, (3, N); the time may be negative."""
     return position + time * velocity
 
 
@@ -61,16 +62,17 @@ def step(
     kick: Callable[[Array, Array], tuple[Array, Array, Extra]],
     time_step: float,
 ) -> tuple[Array, Array, Extra]:
-    """One step of all particles, from the middle of its way to that of the next.
+    """Advances all particles by one step, from the middle of this step to the middle of the next.
 
     Args:
-      half_way: positions in the middle, x_{n+1/2}, (3, N): `drifted` by half a step.
-      velocity: v_n, (3, N).
-      kick: of these: what is kept of v_n, () or (N,); what everything but the drag adds, gain F,
-        (3, N); and a value that is handed on.
+      half_way: positions x_{n+1/2} in the middle of the step, (3, N): `drifted` by half a step.
+      velocity: velocities v_n, (3, N).
+      kick: function of `half_way` and `velocity`. It returns the factor of v_n, () or (N,); the
+        change gain F by all forces but drag, (3, N); and an extra value.
+      time_step: length of the step.
 
     Returns:
-      x_{n+3/2}, v_{n+1} and the last value of `kick`.
+      x_{n+3/2}, v_{n+1} and the extra value of `kick`.
     """
     keep, added, extra = kick(half_way, velocity)
     velocity = kicked(velocity, keep, added)

@@ -1,6 +1,6 @@
-"""Kinematics of a pair: how two surfaces move against each other.
+"""Kinematics of pairs: overlap, normal and relative motion of two surfaces.
 
-Vectors are kept apart by component; (P,) for P pairs, or scalars of one.
+A vector is a tuple of three components; each is (P,) for P pairs, or a scalar for one pair.
 """
 
 from typing import NamedTuple
@@ -13,27 +13,27 @@ from mrjax.laws.vectors import Vector, cross, dot, plus, times
 
 
 class ParticleState(NamedTuple):
-    """One of the two surfaces of a pair; a wall does not move."""
+    """Motion and radius of one of the two surfaces of a pair; a wall does not move."""
 
-    displacement: Vector  # since the list was built
+    displacement: Vector  # since the list was built, m
     velocity: Vector  # m/s
     spin: Vector  # rad/s
     radius: Array  # m
-    gains: Vector  # by what forces and torques are multiplied, two
+    gains: Vector  # two factors, of the force and of the torque
 
 
 class PairKinematics(NamedTuple):
     """Geometry and motion of pairs at one moment; (P,) each."""
 
-    overlap: Array  # d, negative where apart
-    lever_arm: Array  # from the centre to the middle of the overlap, m
-    partner_lever_arm: Array  # from the partner's centre, m
-    normal: Vector  # from the partner to the particle
+    overlap: Array  # d, negative if the surfaces are apart, m
+    lever_arm: Array  # from the particle's centre to the middle of the overlap, m
+    partner_lever_arm: Array  # from the partner's centre to the middle of the overlap, m
+    normal: Vector  # unit vector from the partner to the particle
     normal_velocity: Array  # d', positive on approach, m/s
     normal_rotation_rate: Vector  # d normal/dt, 1/s
-    torsion_rate: Array  # mean spin of both about the normal, rad/s
-    slip: Vector  # velocity of the surface along the partner's, m/s
-    rolling: Vector  # spin relative to the partner's, without its part along the normal, rad/s
+    torsion_rate: Array  # mean spin of both surfaces about the normal, rad/s
+    slip: Vector  # tangential velocity of the surface relative to the partner's surface, m/s
+    rolling: Vector  # spin relative to the partner, without the component along the normal, rad/s
 
     @property
     def gap(self) -> Array:
@@ -44,7 +44,7 @@ class PairKinematics(NamedTuple):
 def separation(
     particle: ParticleState, partner: ParticleState, at_build: Vector, axis: Array
 ) -> Vector:
-    """Vector from the partner's centre to the particle's; from a wall, along its normal; m."""
+    """Vector from the partner's centre, or from a wall along its normal, to the particle's; m."""
     moved = plus(particle.displacement, -1.0, partner.displacement)
     return tuple(
         then + jnp.where((axis < 0) | (axis == along), since, 0.0)
@@ -55,15 +55,16 @@ def separation(
 def pair_kinematics(
     particle: ParticleState, partner: ParticleState, at_build: Vector, axis: Array
 ) -> PairKinematics:
-    """Overlap, normal and relative motion of two surfaces.
+    """Computes overlap, normal and relative motion of two surfaces.
 
-    Centres at one place overlap by the sum of their radii and have no normal: no force acts.
-    A wall mirrors the particle: the lever arm is R - d/2, and the normal does not rotate.
+    Two coincident centres overlap by the sum of the radii and have no normal, so no force acts.
+    A wall acts as a mirror image of the particle: the lever arm is R - d/2, and the normal does not
+    rotate.
 
     Args:
       particle, partner: the two surfaces.
       at_build: separation when the list of pairs was built, m.
-      axis: of a wall's normal, 0 to 2; -1 where both are particles.
+      axis: axis of a wall's normal, 0 to 2; -1 if both surfaces are particles.
     """
     between = separation(particle, partner, at_build, axis)
     square = dot(between, between)
@@ -93,11 +94,11 @@ def pair_kinematics(
 
 
 def time_in_contact(pair: PairKinematics, time_step: float) -> Array:
-    """Share of the last step during which the surfaces touched, as a time; (P,).
+    """Time during which the surfaces touched within the last step, (P,).
 
-    A spring that stretched by the slip of the whole step in which they met would be flat in the
-    moment at which they did, and so would all that follows: its derivative would miss a share that
-    does not vanish with the step.
+    Suppose a spring stretched by the slip of the whole step in which contact begins. Then it would
+    not depend on the moment of first contact, nor would the motion after it. The derivative would
+    lack a contribution that does not vanish with the step.
     """
     approach = jnp.maximum(time_step * pair.normal_velocity, pair.overlap)
     touches = pair.overlap > 0.0

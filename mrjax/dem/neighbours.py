@@ -1,14 +1,15 @@
-"""Neighbour list of jax-md, in the layout that the list of pairs reads.
+"""Neighbour list of jax-md, in the layout that the pair list reads.
 
-The list is rebuilt at fixed intervals and holds every pair within `cutoff`: what touches, plus a
-skin for what may come to touch before the next rebuild. Lengths are in the unit of the positions.
+The list holds every pair within `cutoff`: pairs in contact, plus a skin for pairs that may touch
+before the next rebuild. Rebuilds occur only between fixed intervals of steps. Lengths are in the
+unit of the positions.
 
-jax-md 0.2.29 needs care, and gets it here:
-- its own choice of cells falls back to all pairs, silently, where the box is less than three cells
-  wide. Here such an axis is given three cells, each a neighbour of the other two, and the true
-  distance decides; narrow columns keep their cells along the others.
-- a list that is too short drops pairs and sets a flag. The flag travels with the list.
-- an empty slot holds the index N, which reads the last particle. `present` masks it.
+This module works around three properties of jax-md 0.2.29:
+- It silently falls back to all pairs if the box is less than three cells wide. Here such an axis
+  gets three cells, each a neighbour of the other two, and the true distance decides. So narrow
+  columns keep their cells along the other axes.
+- A list that is too short drops pairs and sets a flag. The flag is stored with the list.
+- An empty slot holds the index N, which would read the last particle. `present` masks it.
 """
 
 import math
@@ -34,16 +35,16 @@ RANDOM_PACKING = 0.64
 
 @dataclass(frozen=True)
 class ListPlan:
-    """Shapes of a neighbour list: concrete numbers, never traced."""
+    """Sizes of a neighbour list: concrete numbers, never traced."""
 
-    cutoff: float  # distance of centres up to which pairs are listed
-    cell: float  # least edge of a search cell
-    capacity: int  # K, partners listed for each particle
-    cell_capacity: int  # particles in each cell
-    pairs: int  # P, pairs within the skin of each other
+    cutoff: float  # largest distance of centres of a listed pair
+    cell: float  # smallest edge of a search cell
+    capacity: int  # K, slots for partners of each particle
+    cell_capacity: int  # slots for particles in each cell
+    pairs: int  # P, slots for pairs within the skin of each other
 
     def grown(self, overflow: int, particles: int) -> "ListPlan":
-        """A plan with more room where a list built by this one overflowed."""
+        """Returns a plan with larger buffers where a list built by this plan overflowed."""
 
         def more(capacity: int, bit: int, limit: int) -> int:
             return min(limit, capacity + capacity // 2 + 1) if overflow & bit else capacity
@@ -59,10 +60,10 @@ class ListPlan:
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True)
 class Neighbours:
-    """The possible partners of every particle, when the list was built."""
+    """Possible partners of every particle at the time when the list was built."""
 
-    partner: Array  # (K, N) particle ids; any value where not present
-    present: Array  # (K, N) whether the slot holds a partner
+    partner: Array  # (K, N) particle ids; meaningless where not present
+    present: Array  # (K, N) True if the slot holds a partner
     separation: tuple[Array, Array, Array]  # x, y, z from partner to particle, (K, N) each
     overflow: Array  # () PAIRS_DROPPED, CELLS_OVERFULL or both; 0 when every pair is listed
 
@@ -75,31 +76,31 @@ def plan_list(
     skin: float,
     reach: float = 0.0,
 ) -> ListPlan:
-    """A plan with room for the densest bed that such particles usually form.
+    """Sizes a neighbour list for the densest bed that such particles usually form.
 
     Args:
       box: the container, in the unit of the diameters.
-      particles: N.
-      largest_diameter: of the particles that touch.
-      typical_diameter: of the volume of a mean particle. Where sizes differ much, more may gather
-        around a large one than there is room for, and the plan must be `grown`.
+      particles: number of particles N.
+      largest_diameter: largest contact diameter.
+      typical_diameter: diameter of a sphere of the mean particle volume. If sizes differ widely, a
+        large particle may have more partners than slots, and the plan must be `grown`.
       skin: distance beyond contact and reach up to which pairs are listed.
       reach: largest gap between surfaces at which a force acts.
     """
     cutoff = largest_diameter + reach + skin
-    # Cells beyond eight for each particle only cost memory.
+    # More than eight cells per particle would only cost memory.
     cell = max(cutoff, (box.volume / (8 * particles)) ** (1 / 3))
     typical = typical_diameter / 2
-    # Half of the volume that partners can reach into, random packing, less the particle itself.
+    # Half of the volume within reach of partners, at random packing, less the particle itself.
     volume = (cutoff + typical) ** 3 - (largest_diameter / 2) ** 3
     capacity = math.ceil(0.5 * volume / typical**3)
-    # Packed spheres that a cell, as jax-md widens it, can hold the centres of: at its corners, too.
+    # Number of packed spheres with centres in a cell as widened by jax-md, corners included.
     fitting = [math.floor(length / cell) for length in box.size]
     edges = [x / n if n >= 3 else cell for x, n in zip(box.size, fitting, strict=True)]
     packed = 0.7 * math.prod(edge / typical_diameter + 1 for edge in edges)
     in_cell = max(8, math.ceil(packed))
-    # A random bed of equal spheres has 2.5 contacts for each, walls included, and half a pair more
-    # within a twentieth of a diameter.
+    # A random bed of equal spheres has 2.5 contacts per particle, walls included, and half a pair
+    # more within a gap of a twentieth of a diameter.
     of_each = 3.0 + 10.0 * skin / largest_diameter
     if reach:
         of_each = max(of_each, RANDOM_PACKING * capacity)
@@ -114,7 +115,7 @@ def plan_list(
 
 
 def build(plan: ListPlan, box: Box, position: Array) -> Neighbours:
-    """The neighbour list of `position`, (N, 3). Works under jit, grad and vmap."""
+    """Builds the neighbour list of `position`, (N, 3). Works under jit, grad and vmap."""
     particles = position.shape[0]
     displacement, _ = box.space()
     if particles == 1:
@@ -146,8 +147,8 @@ def _search(plan: ListPlan, box: Box, displacement: Callable, position: Array) -
     functions = partition.neighbor_list(
         displacement, grid, plan.cutoff, format=partition.NeighborListFormat.Dense
     )
-    # jax-md would size its buffers for the positions of the moment; a suspension settles into
-    # a denser bed, and under jit there are no positions to look at.
+    # jax-md would size its buffers for the present positions. But a suspension settles into a
+    # denser bed, and under jit the positions are unknown.
     room = partition.NeighborList(
         idx=jnp.zeros((position.shape[0], plan.capacity), jnp.int32),
         reference_position=position,
@@ -163,9 +164,10 @@ def _search(plan: ListPlan, box: Box, displacement: Callable, position: Array) -
 
 
 def smallest_gap(neighbours: Neighbours, radius: Array) -> Array:
-    """Least distance between the surfaces of two listed particles; () in the unit of the radius.
+    """Smallest gap between the surfaces of two listed particles, (), in the unit of the radius.
 
-    Negative where particles overlap, infinite where no pair is listed. `radius` has shape (N,).
+    The gap is negative if particles overlap, and infinite if no pair is listed. `radius` has shape
+    (N,).
     """
     x, y, z = neighbours.separation
     distance = jnp.sqrt(x**2 + y**2 + z**2)

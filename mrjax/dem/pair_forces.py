@@ -1,7 +1,7 @@
-"""All forces between pairs of surfaces, summed in one compiled loop.
+"""Sum of all pair forces in one compiled loop.
 
-Each force is written for one pair, its vectors kept apart by component. The kernel sums them over
-the pairs of a list, each once.
+Each force is written for one pair, with vectors as tuples of three components. The kernel evaluates
+each pair of a list once and adds the result to both of its surfaces.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,19 +29,19 @@ Tree = TypeVar("Tree")
 
 
 class PairForceSums(NamedTuple):
-    """Forces and torques of all pairs on every particle at one moment, and what pairs remember."""
+    """Sums of pair forces and torques on every particle at one moment, and the new history."""
 
-    force: Array  # N, times the gain, (3, N)
-    torque: Array  # N m, times the gain, (3, N)
+    force: Array  # force in N, times the gain, (3, N)
+    torque: Array  # torque in N m, times the gain, (3, N)
     history: History
-    deepest: Array  # overlap of each pair so far, m; (P,)
+    deepest: Array  # deepest overlap of each pair so far, m; (P,)
 
 
 SumOverPairs = Callable[[Array, Array, Array, History, Array, Array], PairForceSums]
 
 
 class PairForces:
-    """The pair forces of a run, with all that does not change during it computed once."""
+    """Pair forces of a run, with everything that stays constant during the run computed once."""
 
     def __init__(
         self,
@@ -53,15 +53,15 @@ class PairForces:
         coated: CoatedParticle | None = None,
         time_step: float = 1.0,
     ) -> None:
-        """The forces between the surfaces of these particles.
+        """Prepares the forces between the surfaces of these particles.
 
         Args:
-          forces: in the system of units of the parameters.
-          parameters: in one coherent system of units.
-          reach: of each force, the largest gap at which it acts; left out, all act in contact only.
-          material: of each particle, (N,); None where all are of one.
-          coated: the coated particles; left out, of the parameters.
-          time_step: by which memories advance at every evaluation.
+          forces: the pair forces, in the units of the parameters.
+          parameters: physical parameters, in any coherent system of units.
+          reach: largest gap at which each force acts; if left out, all act in contact only.
+          material: material index of each particle, (N,); None if all have the same material.
+          coated: the coated particles; if left out, they are computed from the parameters.
+          time_step: time by which the history advances at every evaluation.
         """
         self.forces, self.parameters, self.material = tuple(forces), parameters, material
         self.reach = tuple(reach) or (0.0,) * len(self.forces)
@@ -69,50 +69,50 @@ class PairForces:
         self.time_step = time_step
 
     def on(self, pairs: Pairs) -> SumOverPairs:
-        """The sum over the pairs of a list.
+        """Returns the function that sums the forces over the pairs of a list.
 
-        It takes displacements since the list was built, velocities and spins, (3, N) each, the
-        history of the pairs, the deepest overlap of each before, (P,), and by what forces and
-        torques are multiplied, (2,) or (2, N). Multiplied by the gains of a step they are what the
-        step adds to velocities and spins, and reverse mode has no forces to keep.
+        The arguments of the function are: displacements since the list was built, velocities and
+        spins, (3, N) each; the history of the pairs; the deepest overlap of each pair so far, (P,);
+        and the gains, factors of forces and torques, (2,) or (2, N). With the gains of a step, the
+        sums are the changes of velocity and spin in it. So reverse mode need not store forces.
         """
         return _SumOverList(self, pairs).forces
 
 
 class _Particles(NamedTuple):
-    """Operands of every particle."""
+    """Operands that each particle has."""
 
     displacement: Vector
     velocity: Vector
     spin: Vector
-    radius: Array | None  # None where all are equal
-    gains: Vector | None
+    radius: Array | None  # None if all radii are equal
+    gains: Vector | None  # None if all gains are equal
 
 
 class _Pairs(NamedTuple):
-    """Operands of every pair."""
+    """Operands that each pair has."""
 
     separation: Vector  # when the list was built
     axis: Array
-    coefficients: Sequence[Vector | None]  # of each force; None where equal for all or for a kind
+    coefficients: Sequence[Vector | None]  # of each force; None if equal for all pairs or by kind
 
 
 class _Shared(NamedTuple):
-    """Operands of all pairs."""
+    """Operands that all pairs share."""
 
     coefficients: Sequence[Sequence[Vector]]  # of each force
-    gains: Vector | None
+    gains: Vector | None  # None if each particle has its own
 
 
 class _Memory(NamedTuple):
-    """Memory of every pair."""
+    """Values that each pair carries from one evaluation to the next."""
 
     history: Sequence[Sequence[Vector]]  # of each force, in the order of its names
-    deepest: Array
+    deepest: Array  # deepest overlap so far
 
 
 class _SumOverList:
-    """The forces of the pairs of one list."""
+    """Pair forces with their coefficients for one pair list."""
 
     def __init__(self, law: PairForces, pairs: Pairs) -> None:
         self.law, self.pairs = law, pairs
@@ -133,7 +133,7 @@ class _SumOverList:
         deepest: Array,
         gains: Array,
     ) -> PairForceSums:
-        """Forces and torques at one moment, and what the pairs remember of it."""
+        """Sums forces and torques at one moment, and advances the history of the pairs."""
         if not self.law.forces:
             nothing = jnp.zeros_like(velocity)
             return PairForceSums(nothing, nothing, history, deepest)
@@ -152,7 +152,7 @@ class _SumOverList:
             ),
             memory=_Memory([[history[name] for name in names] for names in self.names], deepest),
             shared=_Shared([one.shared for one in self.coefficients], gains if alike else None),
-            lasting=_Memory(False, True),  # type: ignore[arg-type] # a truth for each
+            lasting=_Memory(False, True),  # type: ignore[arg-type] # bools in place of arrays
         )
         torque = sums["torque"] if "torque" in sums else jnp.zeros_like(sums["force"])
         later = {
@@ -163,12 +163,12 @@ class _SumOverList:
         return PairForceSums(sums["force"], torque, later, memory.deepest)
 
     def _state(self, operands: _Particles, shared: _Shared) -> ParticleState:
-        """One of the two surfaces."""
+        """Motion and radius of one of the two surfaces of a pair."""
         displacement, velocity, spin, radius, gains = operands
         if radius is None:
             radius = self.coefficients[0].equal_radius(shared.coefficients[0])
         multiplied = shared.gains if gains is None else gains
-        assert multiplied is not None  # by every particle or by all
+        assert multiplied is not None  # gains are either per particle or shared
         return ParticleState(displacement, velocity, spin, radius, multiplied)
 
     def _in_reach(
@@ -185,7 +185,7 @@ class _SumOverList:
     def _law(
         self, first: _Particles, second: _Particles, pair: _Pairs, shared: _Shared, memory: _Memory
     ) -> tuple[dict[str, Vector], dict[str, Vector], _Memory]:
-        """Forces and torques of a pair on both particles, times their gains, and its new memory."""
+        """Forces and torques on both particles of a pair, times their gains, and its new memory."""
         particle, partner = self._state(first, shared), self._state(second, shared)
         terms = [
             coefficients.of_pair(shared.coefficients[n], pair.coefficients[n], pair.axis)
@@ -207,13 +207,13 @@ class _SumOverList:
         if torque is not None and partner_torque is not None:
             on_particle["torque"] = times(particle.gains[1], torque)
             on_partner["torque"] = times(partner.gains[1], partner_torque)
-        # Recorded for the observer: no force reads it.
+        # Only recorded: no force reads it.
         deepest = lax.stop_gradient(jnp.maximum(memory.deepest, kinematics.overlap))
         return on_particle, on_partner, _Memory(history, deepest)
 
 
 def _total(wrenches: Sequence[Wrench]) -> Wrench:
-    """The sum of forces and torques; both torques, or none."""
+    """Sum of forces and torques; the result has both torques or none."""
     total, *others = wrenches
     for wrench in others:
         total = Wrench(
@@ -233,31 +233,31 @@ def _total(wrenches: Sequence[Wrench]) -> Wrench:
 
 
 def _sum(first: Vector | None, second: Vector | None) -> Vector | None:
-    """The sum of two vectors, either of which may be missing."""
+    """Sum of two vectors; None stands for zero."""
     if first is None:
         return second
     return first if second is None else plus(first, 1.0, second)
 
 
 def _where(acts: Array, tree: Tree) -> Tree:
-    """A tree of scalars where a force acts, zeros elsewhere."""
+    """Replaces the scalars of a tree by zeros unless a force acts."""
     return jax.tree.map(lambda leaf: jnp.where(acts, leaf, 0.0), tree)
 
 
 def memory_of(forces: Sequence[PairForce]) -> dict[str, Remembered]:
-    """What pairs remember, by name, of all forces together."""
+    """Size and unit of each entry of the contact history, by name, for all forces together."""
     return {name: kind for force in forces for name, kind in force.memory().items()}
 
 
 def over_pairs(
     law: Callable[[PairKinematics, Any], Tree], kinematics: PairKinematics, coefficients: Any
 ) -> Tree:
-    """A law of one pair for P pairs, with arrays.
+    """Evaluates a law of one pair for P pairs, with array operations.
 
     Args:
-      law: of the kinematics and coefficients of one pair.
-      kinematics: (P,) each.
-      coefficients: a tree of arrays, (P,) or ().
+      law: function of the kinematics and the coefficients of one pair.
+      kinematics: kinematics of the pairs, (P,) each.
+      coefficients: a pytree of arrays, (P,) or ().
     """
     axes = jax.tree.map(lambda leaf: 0 if jnp.ndim(leaf) else None, coefficients)
     return jax.vmap(law, (0, axes))(kinematics, coefficients)
@@ -266,7 +266,7 @@ def over_pairs(
 def total_stiffness(
     law: PairForces, pairs: Pairs, kinematics: PairKinematics
 ) -> tuple[Array, Array]:
-    """Dt K + 2 c of every pair by all forces, normal and tangential; (P,) each."""
+    """Sum of dt K + 2 c over all forces for every pair, normal and tangential; (P,) each."""
     surfaces = SurfacePairs(*pairs.surfaces, law.material, law.coated)
     nothing = jnp.zeros_like(kinematics.overlap)
     in_normal, in_plane = nothing, nothing
@@ -290,7 +290,7 @@ def contact_law(
     coated: CoatedParticle | None = None,
     time_step: float = 1.0,
 ) -> Callable[[Pairs], SumOverPairs]:
-    """`PairForces.on` of `Contact` alone; its name of before."""
+    """Former name of `PairForces.on`, for `Contact` alone."""
     arguments = {"material": material, "coated": coated, "time_step": time_step}
     return PairForces((Contact(laws),), parameters, **arguments).on  # type: ignore[arg-type]
 

@@ -1,4 +1,4 @@
-"""The plan of a run, decided before it: its schedule, its buffers and its laws."""
+"""Plan of a run, made before it starts: schedule, buffer sizes, and forces."""
 
 import math
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ from mrjax.laws.hindrance import Hindrance, as_tree
 
 
 class System(NamedTuple):
-    """Particles, their forces and their container: the arguments of every run."""
+    """Particles, forces and container: the physical arguments of a run."""
 
     state: State
     parameters: Parameters
@@ -43,15 +43,15 @@ class System(NamedTuple):
         hindrance: Hindrance | None = None,
         forces: Sequence[Force] | None = None,
     ) -> "System":
-        """The arguments of a call as a system.
+        """Builds a system from the arguments of a call.
 
         Args:
-          state, parameters, box: of the run.
-          hindrance: f_w for volume fractions, or None.
-          forces: the list; None for gravity and contact.
+          state, parameters, box: state, parameters and container of the run.
+          hindrance: function from the local volume fraction to f_w, or None.
+          forces: list of forces; None for gravity and contact.
 
         Raises:
-          InputError: an argument of another kind.
+          InputError: an argument has the wrong type.
         """
         checks.require_run_inputs(state, parameters, box)
         active = active_forces(forces, parameters)
@@ -59,7 +59,7 @@ class System(NamedTuple):
 
     @property
     def particles(self) -> int:
-        """N."""
+        """Number of particles N."""
         return self.state.particles
 
     @property
@@ -74,12 +74,12 @@ class System(NamedTuple):
 
     @property
     def greatest_overlap(self) -> float:
-        """Overlap, in radii, beyond which a force of the list is no description."""
+        """Largest overlap for which all forces of the list are valid, in radii."""
         return min((force.greatest_overlap for force in self.pair_forces), default=math.inf)
 
     @property
     def in_contact(self) -> bool:
-        """True if Hertz contact is among the forces."""
+        """True if `Contact` is among the forces."""
         return any(isinstance(force, Contact) for force in self.forces)
 
 
@@ -108,23 +108,23 @@ class EngineSettings:
 
     box: Box
     neighbour_list: ListPlan
-    steps: int  # in an interval
-    reach: tuple[float, ...]  # of each pair force
-    trajectory: bool  # whether positions, velocities and spins are observed
+    steps: int  # number of steps in an interval
+    reach: tuple[float, ...]  # reach of each pair force
+    trajectory: bool  # True if positions, velocities and spins are recorded
 
 
 @dataclass(frozen=True)
 class RunPlan:
-    """The plan of a run; it fixes the compiled program."""
+    """Plan of a run, which fixes its compiled program."""
 
     duration: float  # s
     unit_length: float  # largest contact radius, m
     neighbour_list: ListPlan
     schedule: Schedule
-    reach: tuple[float, ...]  # of each pair force, m
-    touch: bool  # whether surfaces may touch before the end
-    trajectory: bool
-    nan_on_fault: bool = True  # whether a fault makes all numbers NaN
+    reach: tuple[float, ...]  # reach of each pair force, m
+    touch: bool  # True if surfaces may touch before the end
+    trajectory: bool  # True if positions, velocities and spins are recorded
+    nan_on_fault: bool = True  # True if a fault sets all numbers to NaN
 
     @property
     def time_step(self) -> float:
@@ -138,16 +138,16 @@ class RunPlan:
 
     @property
     def units(self) -> Units:
-        """The largest contact radius as unit of length, the step as unit of time."""
+        """Reduced units: the largest contact radius is the unit of length, the step of time."""
         length = self.unit_length
         return Units(mass=1000.0 * length**3, length=length, time=self.time_step)
 
     def forces(self, system: System) -> tuple[Force, ...]:
-        """The forces of a system as this run needs them, in SI."""
+        """Forces of a system, in SI, without contact history if no surfaces touch in this run."""
         return tuple(force if self.touch else force.apart() for force in system.forces)
 
     def settings(self, box: Box) -> EngineSettings:
-        """Settings of the engine, for a box in m."""
+        """Settings of the engine in reduced units, for a box in m."""
         return EngineSettings(
             box.scaled(1 / self.unit_length),
             self.neighbour_list,
@@ -157,13 +157,18 @@ class RunPlan:
         )
 
     def with_schedule(self, schedule: Schedule) -> "RunPlan":
-        """The same steps for as long as another schedule lasts."""
+        """Returns a plan with the same time step and another schedule."""
         return replace(self, duration=self.time_step * schedule.total, schedule=schedule)
 
     def with_larger_buffers(self, fault: int, particles: int) -> "RunPlan | None":
-        """A plan with more room, or more rebuilds, where a run failed for want of it.
+        """Returns a plan with larger buffers, or more frequent rebuilds, after a fault.
 
-        None for other faults.
+        Args:
+          fault: bits of `Fault` of the failed run.
+          particles: number of particles N.
+
+        Returns:
+          the plan; None if the fault cannot be repaired in this way.
         """
         if overflow := fault & (Fault.PAIRS_DROPPED | Fault.CELLS_OVERFULL):
             return replace(self, neighbour_list=self.neighbour_list.grown(overflow, particles))

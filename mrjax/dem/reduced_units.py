@@ -1,4 +1,4 @@
-"""Reduced units of a run, and back to SI: the only place where they are converted."""
+"""Conversion of a run between SI and reduced units; no other module converts them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -25,13 +25,13 @@ from mrjax.laws import particle
 def reduced_state(
     state: State, units: Units, slots: int, memory: Mapping[str, Remembered]
 ) -> tuple[Array, Array, Array, ParticleHistory]:
-    """Positions, velocities and spins, (3, N) each, and the history of contacts.
+    """Converts a state: positions, velocities and spins, (3, N) each, and the contact history.
 
     Args:
-      state: in SI.
-      units: the reduced ones.
-      slots: S, contacts that each particle has room for.
-      memory: what pairs remember, by name.
+      state: state in SI.
+      units: reduced units.
+      slots: number S of contacts that each particle can store.
+      memory: size and unit of each entry of the contact history, by name.
     """
     history = contact_history.from_state(
         state.contacts,
@@ -49,12 +49,12 @@ def reduced_state(
 
 
 def reduced_parameters(parameters: Parameters, units: Units, state: State) -> Parameters:
-    """Parameters in reduced units, of the dtype of the state."""
+    """Converts parameters to reduced units and to the dtype of the state."""
     return parameters.reduced(units).astype(state.position.dtype)
 
 
 def reduced_forces(forces: Sequence[Force], units: Units, state: State) -> tuple[Force, ...]:
-    """Forces in reduced units, their coefficients of the dtype of the state."""
+    """Converts forces to reduced units, with coefficients in the dtype of the state."""
     return jax.tree.map(
         lambda leaf: jnp.asarray(leaf, state.position.dtype),
         tuple(in_reduced_units(force, units) for force in forces),
@@ -64,7 +64,11 @@ def reduced_forces(forces: Sequence[Force], units: Units, state: State) -> tuple
 def reduced(
     system: System, plan: RunPlan
 ) -> tuple[tuple[Array, Array, Array, ParticleHistory], Matter]:
-    """The start of a run, as `reduced_state`, and what its laws read."""
+    """Converts a system to reduced units.
+
+    Returns:
+      the initial state, as from `reduced_state`, and the parameters and forces of the run.
+    """
     slots = plan.neighbour_list.capacity + 2 * len(system.box.walled_axes)
     parameters = reduced_parameters(system.parameters, plan.units, system.state)
     forces = reduced_forces(plan.forces(system), plan.units, system.state)
@@ -82,16 +86,16 @@ def run_in_si(
     plan: RunPlan,
     nan_if_faulty: Array,
 ) -> Run:
-    """The run, in SI.
+    """Builds the result of a run, in SI.
 
     Args:
-      system: its state has the materials and the contact diameter of the particles.
-      matter: what the laws read, in reduced units.
+      system: the system; its state has the materials and the contact diameter of the particles.
+      matter: parameters, materials, local drag and forces, in reduced units.
       end: the motion at the end, in reduced units.
-      observed: at the start and in every frame, in SI, with a leading axis (frames + 1, ...).
-      outcome: of the whole, in reduced units.
-      plan: of the run.
-      nan_if_faulty: 1, or NaN for a run that is not to be trusted, ().
+      observed: observables at the start and in every frame, (frames + 1, ...), in SI.
+      outcome: outcome of the run, in reduced units.
+      plan: plan of the run.
+      nan_if_faulty: factor on the results: 1, or NaN if the run has a fault, ().
     """
     units, state = plan.units, system.state
     last = replace(

@@ -1,7 +1,8 @@
-"""The compiled loops over intervals and frames: one scan for traced calls, one loop for plain ones.
+"""Compiled loops over intervals and frames: a scan for traced calls, `while` loops for other calls.
 
-Lab units end at the door: the loops work with the contact radius as unit of length and the step as
-unit of time. In a traced call a fault sets all numbers to NaN; the caller repairs what it can.
+The loops work in reduced units, with the contact radius as unit of length and the step as unit of
+time. In a traced call a fault sets all numbers to NaN. In other calls the caller repeats the run
+with larger buffers, or more frequent rebuilds, where that repairs the fault.
 """
 
 from dataclasses import replace
@@ -20,11 +21,11 @@ from mrjax.dem.reduced_units import reduced, run_in_si
 from mrjax.dem.schedule import Schedule
 
 REVERSE_MODE_BYTES = 2e8
-"""Bytes that reverse mode may keep before it computes frames a second time."""
+"""Memory, in bytes, up to which reverse mode stores every interval; else it recomputes frames."""
 
 
 def run_once(system: System, plan: RunPlan) -> Run:
-    """One run as planned, as one traced program; many particles are sorted in space."""
+    """Runs a plan once, as one traced program; sorts `SORT_FROM` or more particles in space."""
     if system.particles < sorting.SORT_FROM:
         return _run(system, plan)
     cell = plan.neighbour_list.cell * plan.unit_length
@@ -41,11 +42,11 @@ def run_once(system: System, plan: RunPlan) -> Run:
 
 
 def _run(system: System, plan: RunPlan) -> Run:
-    """SI to reduced units, scan, and back."""
+    """Converts to reduced units, scans over the frames, and converts back to SI."""
     begin, matter = reduced(system, plan)
     settings = plan.settings(system.box)
     end, observed, outcome = _scan(*begin, matter, settings=settings, schedule=plan.schedule)
-    # A factor, not a choice: the derivative of what must not be used is NaN too.
+    # A factor, not a `where`: so the derivatives of a faulty run are NaN too.
     good = (outcome.fault == 0) | (not plan.nan_on_fault)
     nan_if_faulty = jnp.where(good, 1.0, jnp.nan).astype(system.state.position.dtype)
     observed = observed.in_lab_units(plan.units, nan_if_faulty)
@@ -63,7 +64,7 @@ def _scan(
     settings: EngineSettings,
     schedule: Schedule,
 ) -> tuple[Motion, Observed, Outcome]:
-    """The whole run: its end, what was observed at the start and in every frame, its outcome."""
+    """Runs all frames; returns the end, the observables at the start and in frames, the outcome."""
     engine = Engine(matter, settings, position.shape[1], position.dtype)
 
     @partial(jax.checkpoint, prevent_cse=False)
@@ -75,7 +76,7 @@ def _scan(
         return motion, engine.observed(motion)
 
     start = engine.begin(position, velocity, spin, history)
-    # Reverse mode keeps every interval's beginning where there is room, else every frame's.
+    # Reverse mode stores the start of every interval if memory allows, else that of every frame.
     bytes_of_start = sum(leaf.nbytes for leaf in jax.tree.leaves(start))
     stored = schedule.frames * schedule.intervals * bytes_of_start
     at_start = engine.observed(start)
@@ -100,7 +101,7 @@ def begin(
     *,
     settings: EngineSettings,
 ) -> tuple[Motion, Observed]:
-    """A motion and what is observed of it; (3, N) each, in reduced units."""
+    """Starts a motion and evaluates its observables, in reduced units; arguments (3, N) each."""
     engine = Engine(matter, settings, position.shape[1], position.dtype)
     motion = engine.begin(position, velocity, spin, history)
     return motion, engine.observed(motion)
@@ -116,16 +117,17 @@ def advance(
     rows: int,
     settings: EngineSettings,
 ) -> tuple[Motion, Observed, Array]:
-    """The motion after frames x intervals, or after the first interval with a fault.
+    """Advances a motion by frames x intervals, or until the first interval with a fault.
 
     Args:
-      motion, matter: in reduced units.
-      frames, intervals: numbers of them; arguments, so that one program serves all.
-      rows: frames that there is room for.
-      settings: of the engine.
+      motion, matter: motion and matter in reduced units.
+      frames, intervals: number of frames, and of intervals in each; traced, so that one compiled
+        program serves all values.
+      rows: capacity of the output, in frames.
+      settings: settings of the engine.
 
     Returns:
-      the motion; what was observed after every frame, (rows, ...); intervals without a fault.
+      the motion; the observables after every frame, (rows, ...); number of intervals without fault.
     """
     engine = _engine(motion, matter, settings)
 
@@ -160,7 +162,7 @@ def advance(
 
 @partial(jax.jit, static_argnames="settings")
 def conclude(motion: Motion, matter: Matter, *, settings: EngineSettings) -> Outcome:
-    """The outcome of a motion, in reduced units."""
+    """Evaluates the outcome of a motion, in reduced units."""
     return _engine(motion, matter, settings).outcome(motion)
 
 

@@ -1,6 +1,6 @@
-"""The schedule of a run: frames, intervals of the neighbour list, and steps.
+"""Schedule of a run: its frames, the intervals between rebuilds of the neighbour list, its steps.
 
-Concrete numbers only: they fix the shapes and lengths of the compiled loops.
+All numbers are concrete, because they fix the shapes and lengths of the compiled loops.
 """
 
 import math
@@ -21,15 +21,18 @@ from mrjax.laws.time_scales import Mode
 
 MOST_STEPS = 2**31 - 1
 MOST_STEPS_BETWEEN_REBUILDS = 128
-"""Reverse mode stores one state for each of them, and one for each interval."""
+"""Maximum number of steps in an interval.
+
+Reverse mode stores one state for each step of an interval, and one for each interval.
+"""
 
 
 @dataclass(frozen=True)
 class Schedule:
-    """frames x intervals x steps, all of one length."""
+    """Equal time steps, grouped in intervals and frames: frames x intervals x steps."""
 
     frames: int
-    intervals: int  # in each frame, after which the list is rebuilt if need be
+    intervals: int  # in each frame; the neighbour list is rebuilt between them if necessary
     steps: int  # in each interval
 
     @property
@@ -38,18 +41,27 @@ class Schedule:
         return self.frames * self.intervals * self.steps
 
     def rebuilt_more_often(self) -> "Schedule":
-        """The same steps, or a few more, with a quarter as many between rebuilds."""
+        """Returns a schedule with a quarter of the steps in each interval.
+
+        The number of steps of the run is the same or slightly larger.
+        """
         steps = max(1, self.steps // 4)
         return replace(self, intervals=math.ceil(self.intervals * self.steps / steps), steps=steps)
 
 
 def plan_steps(duration: float, time_step: float, frames: int, rebuild_every: int) -> Schedule:
-    """The fewest equal steps, none longer than `time_step`, that fill the frames.
+    """Divides a run into the fewest equal steps that are not longer than `time_step`.
+
+    Args:
+      duration: length of the run, s.
+      time_step: largest length of a step, s.
+      frames: number of frames.
+      rebuild_every: largest number of steps in an interval.
 
     Raises:
-      InputError: more steps than can be counted.
+      InputError: the run has more than `MOST_STEPS` steps.
     """
-    # A duration meant as a whole number of steps may miss it by rounding.
+    # A duration meant as a whole number of steps may differ from it by rounding.
     in_frame = max(1.0, duration / frames / time_step * (1 - 1e-12))
     if in_frame * frames <= MOST_STEPS:
         in_frame = math.ceil(in_frame)
@@ -68,16 +80,16 @@ def plan_steps(duration: float, time_step: float, frames: int, rebuild_every: in
 def contact_diameter(state: State, radius: np.ndarray | None, slack: float) -> float:
     """Largest distance of centres at which two particles touch, m.
 
-    The one that came with the state where the radii are traced, or where it holds within `slack`
-    (a fraction): so that neighbouring parameter values share one compiled program.
+    The value of the state is used if the radii are traced, or if it is correct within the fraction
+    `slack`. So parameters that differ slightly share one compiled program.
 
     Args:
-      state: its own contact diameter, if any.
-      radius: of the coated particles, m; None where it is traced.
-      slack: fraction of the skin that the radii may have grown into.
+      state: state of the particles, which may have a contact diameter.
+      radius: radii of the coated particles, m; None if traced.
+      slack: largest relative deviation of the value of the state from the present radii.
 
     Raises:
-      InputError: neither the state nor concrete parameters tell.
+      InputError: the radii are traced and the state has no contact diameter.
     """
     given = state.contact_diameter
     if radius is None:
@@ -103,15 +115,15 @@ def plan_neighbour_list(
     capacity: int | None = None,
     reach: float = 0.0,
 ) -> ListPlan:
-    """The neighbour list of a state, with contact radii as unit of length.
+    """Sizes the neighbour list of a state, with the largest contact radius as unit of length.
 
     Args:
-      state: its contacts, if any, must have room.
-      radius: of the coated particles, m; None where it is traced.
+      state: state of the particles; the list has slots for its contact history.
+      radius: radii of the coated particles, m; None if traced.
       box: the container, m.
       diameter: largest contact diameter, m.
-      skin: beyond contact, as a fraction of the contact diameter.
-      capacity: partners of each particle; left out, for a random close packing.
+      skin: skin beyond contact, as a fraction of the contact diameter.
+      capacity: slots for partners of each particle; if left out, those of a random close packing.
       reach: largest gap between surfaces at which a force acts, m.
     """
     typical = 1.0 if radius is None else min(1.0, particle.typical_diameter(radius) / diameter)
@@ -126,7 +138,7 @@ def plan_neighbour_list(
     room = plan.capacity if capacity is None else min(capacity, state.particles - 1)
     if state.contacts is not None:
         room = max(room, state.contacts.partner.shape[1] - 2 * len(box.walled_axes))
-    if capacity is not None:  # so many partners for every particle, and every wall
+    if capacity is not None:  # every particle may have that many partners, and touch every wall
         most = math.ceil(room * state.particles / 2) + len(box.walled_axes) * state.particles
         plan = replace(plan, pairs=max(plan.pairs, most))
     return replace(plan, capacity=room)
@@ -139,10 +151,17 @@ def greatest_speed(
     duration: float,
     acceleration: float = 0.0,
 ) -> float | None:
-    """Upper bound on the speed of particles that move freely, m/s; None where it is traced.
+    """Upper bound on the speed of freely moving particles, m/s; None for traced values.
 
-    The greatest initial speed plus what their net weight, and another acceleration in m/s^2, adds
-    until drag, the duration or a wall ends it.
+    The bound is the largest initial speed plus the speed gained by the net weight and by a further
+    acceleration, until drag, the duration or a wall limits it.
+
+    Args:
+      velocity: initial velocities, m/s; None if traced.
+      numbers: parameters.
+      box: the container, m.
+      duration: length of the run, s.
+      acceleration: further acceleration, m/s^2.
     """
     found = evaluated_or_none(_pull_and_relaxation, numbers)
     if velocity is None or found is None:
@@ -157,13 +176,21 @@ def greatest_speed(
 
 
 def _pull_and_relaxation(numbers: Parameters) -> tuple[ArrayLike, ArrayLike]:
-    """Acceleration by the net weight, m/s^2, and relaxation time, s, of every particle."""
+    """Acceleration by the net weight, m/s^2, and velocity relaxation time, s, of every particle."""
     pull = particle.net_weight(numbers) / particle.inertia(numbers)
     return pull, time_scales.relaxation_time(numbers)
 
 
 def steps_within_skin(speed: float | None, time_step: float, skin: float) -> int:
-    """Steps in which a particle at this speed crosses a quarter of the skin, at least 1."""
+    """Number of steps in which a particle at this speed crosses a quarter of the skin.
+
+    The number is at least 1 and at most `MOST_STEPS_BETWEEN_REBUILDS`, its value at unknown speed.
+
+    Args:
+      speed: speed of the particle, m/s; None if unknown.
+      time_step: length of a step, s.
+      skin: skin of the neighbour list, m.
+    """
     if speed is None or not speed * time_step > 0.25 * skin / MOST_STEPS_BETWEEN_REBUILDS:
         return MOST_STEPS_BETWEEN_REBUILDS
     return max(1, int(0.25 * skin / (speed * time_step)))
@@ -179,11 +206,20 @@ def largest_stable_step(
     stiffness: float = 0.0,
     pair_force: float = 0.0,
 ) -> float | None:
-    """Largest step that survives the contacts to be expected, s; None where that is traced.
+    """Largest step that is stable for the expected contacts, s; None for traced values.
 
-    They carry a column of particles as high as the box, or meet at twice the greatest speed. The
-    column presses on the floor or, of particles lighter than the fluid, on the lid. Pair forces of
-    this size, N, and stiffness, N/m, act beside contact.
+    An expected contact carries a column of particles as high as the box, or is an impact at twice
+    the largest speed. The column presses on the floor or, if particles are lighter than the fluid,
+    on the lid.
+
+    Args:
+      numbers: parameters.
+      box: the container, m.
+      diameter: largest contact diameter, m.
+      speed: largest speed of a particle, m/s; None if it depends on traced values.
+      arrangement: modes of vibration of the touching particles.
+      stiffness: stiffness of other pair forces, N/m.
+      pair_force: size of other pair forces, N.
     """
     weight = evaluated_or_none(particle.net_weight, numbers)
     if speed is None or weight is None:
@@ -200,5 +236,5 @@ def largest_stable_step(
     step = None if overlap is None else limit(float(overlap))
     if step is None or not np.isfinite(step):
         return step
-    # The first step into a contact may go deeper than a damped impact ever would.
+    # The first step into a contact may go deeper than any later overlap of a damped impact.
     return limit(max(float(overlap), 2.0 * speed * step))

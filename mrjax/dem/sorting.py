@@ -1,6 +1,6 @@
-"""Sorts particles in space for cache locality: those that touch lie side by side in memory.
+"""Sorts particles in space for cache locality: particles in contact are close in memory.
 
-A run takes them so and gives them back in their own order.
+A run sorts its particles at the start and returns them in their original order.
 """
 
 from dataclasses import replace
@@ -15,16 +15,16 @@ from mrjax.core.state import ContactHistory, State
 from mrjax.dem.plan import System
 
 SORT_FROM = 4096
-"""Fewer particles fit into the fastest memory in any order."""
+"""Number of particles from which on a run sorts them; fewer fit into the cache in any order."""
 
 
 def spatial_order(position: Array, box: Box, edge: float) -> Array:
-    """Order of the particles along z, then y, then x, cell by cell; ids, (N,).
+    """Sorts particle ids by cell: along z, then along y, then along x; (N,).
 
     Args:
       position: centres, (N, 3) in m.
       box: the container.
-      edge: of a cell, m.
+      edge: edge of a cell, m.
     """
     place, sides = box.wrap(lax.stop_gradient(position)), []
     for axis, length in enumerate(box.size):
@@ -37,7 +37,12 @@ def spatial_order(position: Array, box: Box, edge: float) -> Array:
 
 @jax.jit
 def permute_state(state: State, order: Array) -> State:
-    """The same particles, at each place the one that `order` names; (N,)."""
+    """Returns the state with its particles permuted: entry i is particle `order[i]`.
+
+    Args:
+      state: state of the particles.
+      order: permutation of the ids, (N,).
+    """
     moved = {name: getattr(state, name)[order] for name in ("position", "velocity", "spin")}
     if state.material is not None:
         moved["material"] = state.material[order]
@@ -50,7 +55,7 @@ def permute_state(state: State, order: Array) -> State:
 
 
 def permute_system(system: System, order: Array) -> System:
-    """The same system with its particles in that order."""
+    """Returns the system with its particles in the given order, (N,)."""
     return system._replace(
         state=permute_state(system.state, order),
         parameters=permute_parameters(system.parameters, order),
@@ -62,5 +67,5 @@ def permute_system(system: System, order: Array) -> System:
 
 
 def permute_parameters(parameters: Parameters, order: Array) -> Parameters:
-    """Parameters whose leaves (N,) are in that order."""
+    """Returns the parameters with their leaves (N,) in the given order, (N,)."""
     return jax.tree.map(lambda leaf: leaf[order] if jnp.ndim(leaf) == 1 else leaf, parameters)

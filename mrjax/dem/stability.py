@@ -1,4 +1,4 @@
-"""Stability of the contacts of a bed at a step, from its own fastest mode."""
+"""Stability check of a time step, from the fastest vibration mode of the contact network."""
 
 from typing import NamedTuple
 
@@ -13,19 +13,20 @@ from mrjax.kernel import pair_sum
 from mrjax.laws.vectors import Vector, cross, dot, plus, times
 
 ITERATIONS = 8
+"""Number of power iterations for each estimate."""
 STABILITY_LIMIT = 0.95
-"""Rate beyond which a bed is not trusted: the iteration finds the last per cents late."""
+"""Rate above which a bed counts as unstable; below 1, as the iteration converges from below."""
 
 
 class ModeEstimate(NamedTuple):
-    """The fastest mode that has been found so far, and how near it is to instability."""
+    """Estimate of the fastest mode and of its distance from instability."""
 
-    mode: Array  # displacements and turns of all particles, (6, N)
+    mode: Array  # displacements and rotations of all particles, (6, N)
     rate: Array  # 1 at the limit of stability, ()
 
 
 def initial_estimate(particles: int, dtype) -> ModeEstimate:
-    """Before a first bed has been seen: neighbours move apart, in no order."""
+    """Initial estimate: a random mode, the same in every run, with rate 0."""
     with randomness.ordered():
         mode = jax.random.normal(randomness.key(0), (6, particles), dtype)
     return ModeEstimate(mode, jnp.zeros((), dtype))
@@ -39,22 +40,22 @@ def estimate_mode(
     kick: Kick,
     spin_kick: Kick,
 ) -> ModeEstimate:
-    """Estimates the fastest mode of these contacts, and how near it is to instability.
+    """Estimates the fastest mode of these contacts and its distance from instability.
 
     A bed with stiffness A and dashpots C is stable at a step dt while the largest eigenvalue of
 
         Q^1/2 (dt A + 2 C) Q^1/2,    Q = tanh(alpha dt / 2) / gamma of each particle or its spin,
 
-    is less than 2 (`time_scales.largest_stable_step` for one contact). It is found by power
-    iteration, which goes on from the mode that was fastest in the bed before and errs, by some
-    per cent, towards stability.
+    is less than 2 (`time_scales.largest_stable_step` for one contact). Power iteration finds this
+    eigenvalue. It starts from the previous estimate of the mode, and underestimates the eigenvalue
+    by some per cent.
 
     Args:
-      before: what is known of the bed so far.
-      pairs: of the bed.
-      stiffness: dt A + 2 C of each, normal and tangential, (P,); zero where nothing acts.
-      radius: of the particles, (N,).
-      kick, spin_kick: of the step, `integrator.kick`.
+      before: previous estimate.
+      pairs: pairs of the bed.
+      stiffness: dt A + 2 C of each pair, normal and tangential, (P,); zero where no force acts.
+      radius: radii of the particles, (N,).
+      kick, spin_kick: coefficients of the step, from `integrator.kick` and `spin_kick`.
     """
     normal_spring, tangential_spring = stiffness
     square = dot(pairs.separation, pairs.separation)
@@ -86,20 +87,20 @@ def estimate_mode(
 
     length = jnp.sqrt(jnp.sum(before.mode**2))
     found = lax.fori_loop(0, ITERATIONS, iterated, ModeEstimate(before.mode / length, before.rate))
-    # What has come to rest is forgotten, but not for good: noise wakes modes of contacts to come.
+    # The estimate of a bed at rest decays; noise keeps components along modes of later contacts.
     noise = initial_estimate(len(radius), radius.dtype).mode
     return ModeEstimate(found.mode + 1e-3 * noise / jnp.sqrt(noise.size), 0.5 * found.rate)
 
 
 class _Displacement(NamedTuple):
-    """Displacement and turn of a particle in a mode; turns are in units of length."""
+    """Displacement and rotation of a particle in a mode; rotations are in units of length."""
 
     moved: Vector
     turned: Vector
 
 
 class _Springs(NamedTuple):
-    """The springs of a contact."""
+    """Direction and springs of a contact."""
 
     direction: Vector
     normal: Array
@@ -109,10 +110,10 @@ class _Springs(NamedTuple):
 def _restoring_force(
     particle: _Displacement, partner: _Displacement, springs: _Springs, *_: None
 ) -> tuple[list[Vector], list[Vector], None]:
-    """Force and moment of a contact on both particles, from their displacements."""
+    """Restoring force and moment of a contact on both particles, from their displacements."""
     direction = springs.direction
     apart = plus(particle.moved, -1.0, partner.moved)
-    # About lever arms that point against the direction.
+    # The lever arms point against the direction.
     slip = plus(apart, -1.0, cross(plus(particle.turned, 1.0, partner.turned), direction))
     along = (springs.normal - springs.tangential) * dot(slip, direction)
     force = plus(times(springs.tangential, slip), along, direction)
@@ -121,5 +122,5 @@ def _restoring_force(
 
 
 def _compliance(kick: Kick) -> Array:
-    """tanh(alpha dt / 2) / gamma, finite without drag."""
+    """Value of tanh(alpha dt / 2) / gamma, finite without drag."""
     return kick.gain / (1.0 + kick.keep)

@@ -70,11 +70,11 @@ class Contact(PairForce):
         return type(self)(active_laws(parameters))
 
     def apart(self) -> Self:
-        """Returns the force without friction and history, which would be compiled for nothing."""
+        """Returns the force without friction, damping and history, to compile less code."""
         return type(self)(ActiveLaws(sliding=False, rolling=False, damped=False))
 
     def coefficients(self, parameters: Parameters, surfaces: SurfacePairs) -> PairProperties:
-        """Effective constants E*, G*, R* and m* of pairs, and their values in tables by material.
+        """Effective constants E*, G*, R* and m* of pairs, and coefficients from material tables.
 
         Args:
           parameters: parameters of the run.

@@ -195,7 +195,7 @@ class BodyForce(Force):
     """
 
     steady = False
-    """True if the force does not depend on the motion of the particles; it is computed once."""
+    """True if the force does not depend on positions, velocities or spins; it is computed once."""
 
     def __call__(self, parameters: Parameters, particles: Particles) -> Wrench:
         """Returns the force on every particle, (3, N) in N, and the torque, (3, N) in N m, or None.
