@@ -138,7 +138,7 @@ class RunPlan:
 
     @property
     def units(self) -> Units:
-        """Reduced units: the largest contact radius is the unit of length, the step of time."""
+        """Reduced units, with the largest contact radius as length and the step as time."""
         length = self.unit_length
         return Units(mass=1000.0 * length**3, length=length, time=self.time_step)
 

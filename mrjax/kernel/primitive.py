@@ -170,7 +170,7 @@ def _both_batched(operands, axes, *, loop: PairLoop, change: PairLoop):
 
 
 def _both_split(trace, *tracers, loop: PairLoop, change: PairLoop):
-    """Partial evaluation: evaluates the loop if its operands are known, and leaves the tangent.
+    """Partial evaluation: runs the loop if its operands are known; the tangent is transposed later.
 
     The tangent loop is pruned first, so that arrays it does not read are not stored as residuals.
     """

@@ -18,7 +18,7 @@ TYPES = {
     "bool": BIT,
 }
 FREE = ("contract", "nsz", "arcp")
-"""Fast-math flags that XLA uses too: fused multiply-add, unsigned zero, division by reciprocal."""
+"""Fast-math flags that XLA uses too: fused multiply-add, no signed zeros, reciprocals."""
 
 
 def _nth(of: Callable[[Any], ir.Value], atoms: list, place: int) -> ir.Value:
