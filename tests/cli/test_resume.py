@@ -151,7 +151,7 @@ def test_a_fit_stopped_at_any_model_run_goes_on(tmp_path, starts):
 def test_samples_are_kept(tmp_path, monkeypatch):
     found = fit(bent, BENT)
     drawn = posterior.posterior(found, samples=10, checkpoint=tmp_path)
-    monkeypatch.setattr(posterior, "_sampled", None)  # nothing is drawn any more
+    monkeypatch.setattr(posterior, "_sample", None)  # nothing is drawn any more
     again = posterior.posterior(found, samples=10, checkpoint=tmp_path)
     for name in ("samples", "r_hat", "effective", "divergences"):
         np.testing.assert_array_equal(getattr(again, name), getattr(drawn, name))

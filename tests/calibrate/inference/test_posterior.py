@@ -217,7 +217,7 @@ def test_draws_of_the_warm_up_are_no_samples(monkeypatch):
     divergent[:, : nuts.WARM_UP] = True
     divergent[1, -3:] = True
     piece = chains.Piece(np.concatenate([warm_up, draws], axis=1), divergent)
-    monkeypatch.setattr(nuts, "_drawn", lambda *_: piece)
+    monkeypatch.setattr(nuts, "_run_chains", lambda *_: piece)
     monkeypatch.setattr(diagnostics, "effective", lambda draws: np.full(draws.shape[2], 500.0))
     drawn = posterior(fit, samples=50, method="NUTS")
     np.testing.assert_allclose(np.log(drawn.samples), 0.1 * draws.reshape(-1, 1), atol=1e-9)
