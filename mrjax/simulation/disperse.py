@@ -94,7 +94,7 @@ def _spread(key: Array, box: Box, radius: np.ndarray) -> np.ndarray | None:
 def _relax(position: Array, radius: Array, box: Box, plan: ListPlan) -> tuple[Array, Array, Array]:
     """A burst of FIRE with one neighbour list; positions, the least gap of the true spheres."""
     listed = neighbours.build(plan, box, position)
-    swollen = radius * (1.0 + CLEARANCE)
+    soft_radius = radius * (1.0 + CLEARANCE)
     displacement, _ = box.space()
 
     def energy(position: Array, listed: Neighbours, **_) -> Array:
@@ -104,10 +104,10 @@ def _relax(position: Array, radius: Array, box: Box, plan: ListPlan) -> tuple[Ar
         square = jnp.sum(vector**2, axis=-1)
         distinct = listed.present & (square > 0.0)
         distance = jnp.sqrt(jnp.where(distinct, square, 1.0))
-        overlap = swollen[None, :] + swollen[listed.partner] - distance
+        overlap = soft_radius[None, :] + soft_radius[listed.partner] - distance
         pairs = 0.25 * jnp.sum(jnp.where(distinct, jnp.maximum(overlap, 0.0), 0.0) ** 2)
         return pairs + sum(
-            0.5 * jnp.sum(jnp.maximum(_wall_overlap(position, swollen, box, axis), 0.0) ** 2)
+            0.5 * jnp.sum(jnp.maximum(_wall_overlap(position, soft_radius, box, axis), 0.0) ** 2)
             for axis in box.walled_axes
         )
 

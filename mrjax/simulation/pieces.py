@@ -156,7 +156,7 @@ class PiecewiseRun:
         times = jnp.asarray(self._times(), run.times.dtype)
         run = replace(run, times=times, time_step=self.plan.time_step, steps=self.steps)
         radius = run.radius if self.back is None else run.radius[self.back]
-        run = replace(run, state=self._in_given_order(run.state), radius=radius)
+        run = replace(run, state=self._in_original_order(run.state), radius=radius)
         return jax.tree.map(jnp.asarray, run)
 
     def kept(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
@@ -272,11 +272,11 @@ class PiecewiseRun:
     def _failure(self, fault: int, good: int) -> Exception:
         """The error of a fault in an interval of the present frame, after so many good ones."""
         (motion, frame, _), steps = self.place, self.plan.schedule.steps
-        last_good, time = self._in_given_order(self._state(motion)), frame * self.frame_length
+        last_good, time = self._in_original_order(self._state(motion)), frame * self.frame_length
         if good:
             motion, _, _ = self._advanced(motion, 1, good)
         one = self.plan.with_schedule(Schedule(frames=1, intervals=1, steps=steps))
-        state = self._in_given_order(self._state(motion))
+        state = self._in_original_order(self._state(motion))
         system = self.given._replace(state=state)
         error = failure(system, one, fault, time + good * one.duration)
         error.state, error.time = last_good, time
@@ -318,7 +318,7 @@ class PiecewiseRun:
         run = self._run(motion, self.recording.empty_row(), self.plan)
         return jax.tree.map(jnp.asarray, run.state)
 
-    def _in_given_order(self, state: State) -> State:
+    def _in_original_order(self, state: State) -> State:
         return state if self.back is None else sorting.permute_state(state, jnp.asarray(self.back))
 
     def _in_si(self, rows: Observed) -> Observed:
