@@ -239,13 +239,19 @@ def _profile(
     return level, slabs / (area * cell * thickness)
 
 
-def _crossing(level: Array, surplus: Array, after: Array) -> Array:
-    """Returns the level at which the surplus, linear between levels, falls to zero; m, ()."""
-    before = surplus[after - 1]
-    drop = before - surplus[after]
+def _crossing(level: Array, surplus: Array, upper: Array) -> Array:
+    """Returns the level at which the surplus, linear between levels, falls to zero; m, ().
+
+    Args:
+      level: levels from the floor, (levels,) in m.
+      surplus: surplus at each level, (levels,).
+      upper: index of the level above the crossing, ().
+    """
+    start = surplus[upper - 1]
+    drop = start - surplus[upper]
     # Without a drop there is no crossing. The caller then ignores the result, which must be finite.
-    part = before / jnp.where(drop > 0.0, drop, 1.0)
-    return level[after - 1] + part * (level[after] - level[after - 1])
+    share = start / jnp.where(drop > 0.0, drop, 1.0)
+    return level[upper - 1] + share * (level[upper] - level[upper - 1])
 
 
 def _area(box: Box) -> float:

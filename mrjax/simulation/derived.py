@@ -31,17 +31,17 @@ class Quantity:
 
 
 def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
-    """Fractions, particles, densities, drag, velocities, time scales, and what a run would take.
+    """Fractions, particles, densities, drag, velocities, time scales, and the cost of a run.
 
-    What only particles in contact have is left out where the recipe lacks what it takes; `notes`
-    says so.
+    Quantities of particles in contact are left out if the recipe lacks their input; `notes` says
+    so.
 
     Args:
       recipe: the lab sheet.
-      overlap: to which contacts would be softened for a run to rest, in contact radii.
+      overlap: overlap to which contacts would be softened for a run to rest, in contact radii.
 
     Raises:
-      InputError: a sheet of which a run cannot be made.
+      InputError: no run can be made of the sheet.
     """
     quantities = [*_of_suspension(recipe), *_of_fall(recipe)]
     if contacts.missing(recipe) is None:
@@ -50,10 +50,10 @@ def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
 
 
 def notes(recipe: Recipe) -> list[str]:
-    """Remarks on what was assumed, what does not add up, and what `derived` leaves out, and why."""
+    """Remarks on assumptions, inconsistencies, and quantities that `derived` leaves out, and why."""
     lacking = contacts.missing(recipe)
-    left_out = [f"times and steps of contacts are left out: {lacking}"] if lacking else []
-    return [*recipe.notes, *recipe.contact_notes, *left_out]
+    omissions = [f"times and steps of contacts are left out: {lacking}"] if lacking else []
+    return [*recipe.notes, *recipe.contact_notes, *omissions]
 
 
 Row = tuple[str, str, ArrayLike, str]
@@ -83,7 +83,7 @@ def _of_suspension(recipe: Recipe) -> list[Row]:
 
 
 def _of_fall(recipe: Recipe) -> list[Row]:
-    """Velocity, dimensionless numbers and the time in which a velocity is reached."""
+    """Settling velocity, dimensionless numbers and relaxation time."""
     parameters = recipe.parameters()
     velocity, relaxation = evaluate_with_numpy(_falling, parameters)
     numbers = dimensionless.numbers(parameters, velocity)
@@ -103,7 +103,7 @@ def _of_fall(recipe: Recipe) -> list[Row]:
 
 
 def _of_contacts(recipe: Recipe) -> list[Row]:
-    """Time of a contact, and the step that resolves it."""
+    """Rayleigh time of a contact, and the step that resolves contacts and the rise of velocity."""
     parameters = recipe.parameters()
     rayleigh = evaluate_with_numpy(time_scales.rayleigh_time, parameters)
     step = evaluate_with_numpy(time_scales.time_step, parameters)
@@ -148,7 +148,7 @@ def warnings(recipe: Recipe) -> list[str]:
 
 
 def _falling(parameters: Parameters) -> tuple[Array, Array]:
-    """Velocity of each particle, m/s, () or (N,), and the longest relaxation time, s; no box."""
+    """Terminal velocity of each particle, m/s, () or (N,), and the longest relaxation time, s."""
     return (
         closed_forms.terminal_velocity(parameters),
         jnp.max(time_scales.relaxation_time(parameters)),

@@ -31,23 +31,22 @@ CLEARANCE = 0.005
 STEPS_BETWEEN_REBUILDS = 25
 MOST_REBUILDS = 400
 SKIN = 1.0
-"""Skin of the neighbour list, in radii. Moves are cut short, so that none leaves it in a burst."""
+"""Skin of the neighbour list, in radii. Moves are clipped, so that none leaves it in a burst."""
 
 
 def disperse(recipe: Recipe, seed: int = 0, *, dtype: DTypeLike = float) -> State:
-    """The suspension of a recipe, well mixed and at rest: N from its composition.
+    """The suspension of a recipe, well mixed and at rest; N follows from the composition.
 
-    The same seed gives the same suspension on the same machine, whatever generator of random
-    numbers JAX is set to.
+    On one machine, a seed gives the same suspension with every random generator of JAX.
 
     Args:
       recipe: the lab sheet.
-      seed: of the random positions.
-      dtype: of the state, and so of a run that starts from it; `float` is JAX's default.
+      seed: seed of the random positions.
+      dtype: dtype of the state, and so of a run that starts from it; `float` is JAX's default.
 
     Raises:
-      InputError: the recipe lacks what particles in contact need, or they cannot be placed in the
-        box without overlap.
+      InputError: the recipe lacks input for particles in contact, or the particles cannot be placed
+        in the box without overlap.
 
     Example:
       >>> state = mrjax.disperse(mrjax.Recipe.load("case2"), seed=0)
@@ -72,11 +71,11 @@ def disperse(recipe: Recipe, seed: int = 0, *, dtype: DTypeLike = float) -> Stat
 
 
 def _spread(key: Array, box: Box, radius: np.ndarray) -> np.ndarray | None:
-    """Centres of spheres that do not touch, (N, 3); None where none were found."""
+    """Centres of spheres that do not touch, (N, 3); None if spheres touch after the last burst."""
     margin = np.where(box.periodic, 0.0, radius[:, None])
     with randomness.ordered():
-        room = np.asarray(jax.random.uniform(key, (radius.size, 3), radius.dtype))
-    position = margin + room * (np.asarray(box.size, radius.dtype) - 2.0 * margin)
+        share = np.asarray(jax.random.uniform(key, (radius.size, 3), radius.dtype))
+    position = margin + share * (np.asarray(box.size, radius.dtype) - 2.0 * margin)
     plan = neighbours.plan_list(box, radius.size, 2.0, particle.typical_diameter(radius), SKIN)
     for _ in range(MOST_REBUILDS):
         while True:
@@ -92,7 +91,7 @@ def _spread(key: Array, box: Box, radius: np.ndarray) -> np.ndarray | None:
 
 @partial(jax.jit, static_argnames=("box", "plan"))
 def _relax(position: Array, radius: Array, box: Box, plan: ListPlan) -> tuple[Array, Array, Array]:
-    """A burst of FIRE with one neighbour list; positions, the least gap of the true spheres."""
+    """Positions after a burst of FIRE with one neighbour list, smallest gap, and overflow."""
     listed = neighbours.build(plan, box, position)
     soft_radius = radius * (1.0 + CLEARANCE)
     displacement, _ = box.space()
@@ -123,7 +122,7 @@ def _relax(position: Array, radius: Array, box: Box, plan: ListPlan) -> tuple[Ar
             0, STEPS_BETWEEN_REBUILDS, lambda _, state: advance(state, listed=listed), state
         )
     relaxed = box.wrap(state.position)
-    # The gap is looked for in a new list: particles may have left the old one's skin.
+    # The gap is taken from a new list: particles may have left the skin of the old one.
     relisted = neighbours.build(plan, box, relaxed)
     gap = neighbours.smallest_gap(relisted, radius)
     for axis in box.walled_axes:

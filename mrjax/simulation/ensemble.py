@@ -1,4 +1,4 @@
-"""One function of many members, spread over all devices of all processes."""
+"""Evaluates one function for many members, spread over all devices of all processes."""
 
 from collections.abc import Callable
 from functools import partial
@@ -14,27 +14,27 @@ from mrjax.core.errors import InputError
 
 
 def ensemble(function: Callable[[Any], Any], members: Any) -> Any:
-    """A function of every member, in one compiled call.
+    """Evaluates a function for every member, in one compiled call.
 
-    Members are divided among the devices, and follow each other on each. What comes out does not
-    depend on how many members there are, nor on the processes to which the devices belong. It can
-    be differentiated with respect to the members and to what the function holds. Where
-    `jax.distributed` is initialised, every process makes this call with the same members, and gets
-    all results.
+    Members are divided among the devices; each device takes its members one after another. Results
+    do not depend on the number of members, nor on the processes to which the devices belong. They
+    can be differentiated with respect to the members and to values that the function closes over.
+    If `jax.distributed` is initialised, every process makes this call with the same members, and
+    gets all results.
 
-    A processor is one device, unless `jax.config.update("jax_num_cpu_devices", cores)` comes before
-    anything is computed.
+    A CPU is one device, unless `jax.config.update("jax_num_cpu_devices", cores)` comes before the
+    first computation.
 
     Args:
-      function: of one member, such as a run with its parameters; traced, and compiled once for as
-        long as it is the same object.
+      function: function of one member, such as a run with its parameters. It is traced, and
+        compiled once for as long as it is the same object.
       members: a pytree of arrays with a leading axis (M, ...).
 
     Returns:
-      What the function gives, each array with a leading axis (M, ...).
+      The results of the function, each array with a leading axis (M, ...).
 
     Raises:
-      InputError: members that differ in number, or none.
+      InputError: arrays of the members differ in length, or there are no members.
 
     Example:
       >>> mrjax.ensemble(lambda member: member**2, jnp.arange(3.0))
@@ -49,21 +49,23 @@ def ensemble(function: Callable[[Any], Any], members: Any) -> Any:
 
 @partial(jax.jit, static_argnames=("function", "mesh"))
 def _everywhere(function: Callable, mesh: Mesh, members: Any) -> Any:
-    """The compiled call; its results on every device."""
+    """Evaluates all members in one compiled call; the results are on every device."""
     count = len(jax.tree.leaves(members)[0])
-    missing = -count % mesh.size  # the last one, again and again
+    missing = -count % mesh.size  # filled with copies of the last member
 
-    def filled(leaf: Array) -> Array:
+    def padded(leaf: Array) -> Array:
         return jnp.concatenate([leaf, jnp.repeat(leaf[-1:], missing, axis=0)])
 
     axis = PartitionSpec("members")
-    found = jax.shard_map(
+    results = jax.shard_map(
         partial(lax.map, function), mesh=mesh, in_specs=axis, out_specs=axis, check_vma=False
-    )(jax.tree.map(filled, members))
+    )(jax.tree.map(padded, members))
     everywhere = NamedSharding(mesh, PartitionSpec())
-    return jax.tree.map(lambda leaf: lax.with_sharding_constraint(leaf[:count], everywhere), found)
+    return jax.tree.map(
+        lambda leaf: lax.with_sharding_constraint(leaf[:count], everywhere), results
+    )
 
 
 def _at_hand(leaf: Any) -> Any:
-    """The copy of this process' first device; traced values as they are."""
+    """The copy on the first device of this process; a traced value stays as it is."""
     return leaf if isinstance(leaf, jax.core.Tracer) else leaf.addressable_data(0)

@@ -19,17 +19,18 @@ from mrjax.laws.time_scales import NO_OTHER_FORCES, ForceBounds, Mode
 from mrjax.simulation import softening
 
 RANDOM_BED = (Mode(2.8, 2.8, 2.8),)
-"""About what the contacts of a random bed of spheres add up to; a run that shows this to be too few
-is repeated with shorter steps."""
+"""Approximate fastest mode of a random bed of spheres. A run whose bed has a faster mode is
+repeated with shorter steps."""
 
 TIMES_FREE_FALL = 2.5
-"""How much longer beds take to rest than a free fall would, about: case2 and case3 do."""
+"""Time until a bed rests over the time of a free fall, about; from case2 and case3."""
 PACKED = 0.64
-"""Volume fraction of a random close packing: what is left to fall through, at most."""
+"""Volume fraction of a random close packing, the densest bed; the fall onto it is the longest."""
 DILUTE_SHARE = 0.5
-"""Volume fraction of the thinnest layers in which particles touch, over that of all."""
+"""Volume fraction of the thinnest layers in which particles touch, over that of the whole box."""
 INERTIAL = 8.0
-"""How much shorter a step must be where drag does not damp contacts: an impact takes about 20."""
+"""Factor by which a step is shorter where drag does not damp contacts: an impact takes about 20
+steps."""
 
 
 TRACED = "the parameters are traced by jit or vmap; settle cannot be"
@@ -43,18 +44,20 @@ class Way(NamedTuple):
 
 
 def ways(numbers: Parameters, box: Box, centres: ArrayLike) -> Way:
-    """Distances for particles at these centres, (N, 3) in m; 0 where none sinks or none rises.
+    """Distances of both interfaces for particles at `centres`, (N, 3) in m.
+
+    The first is 0 if no particle sinks, the second if none rises.
 
     Raises:
-      InputError: centres or parameters that are traced.
+      InputError: centres or parameters are traced.
     """
     position = value_or_none(centres)
-    found = evaluated_or_none(
+    values = evaluated_or_none(
         lambda: (particle.outer_radius(numbers), particle.net_weight(numbers))
     )
-    if found is None or position is None:
+    if values is None or position is None:
         raise InputError(TRACED)
-    radius, weight = (np.broadcast_to(of, len(position)) for of in found)
+    radius, weight = (np.broadcast_to(value, len(position)) for value in values)
     above_floor, below_lid = position[:, 2] + radius, box.height - position[:, 2] + radius
     return Way(
         float(np.max(above_floor, where=weight > 0.0, initial=0.0)),
@@ -63,23 +66,24 @@ def ways(numbers: Parameters, box: Box, centres: ArrayLike) -> Way:
 
 
 def duration(numbers: Parameters, box: Box, particles: int, way: Way) -> tuple[float, float]:
-    """About how long the particles fall, or rise, s, and how fast, m/s.
+    """Approximate time for which the particles fall or rise, s, and their speed, m/s.
 
-    Those without a net weight stay where they are.
+    Particles without a net weight stay where they are.
 
     Args:
-      numbers: of the particles and the fluid.
+      numbers: parameters of the particles and the fluid.
       box: the container.
       particles: N.
-      way: of both interfaces.
+      way: greatest distances of both interfaces.
 
     Raises:
-      InputError: nothing pulls them, no floor and lid ends their way, or parameters are traced.
+      InputError: gravity or every net weight is zero, the box has no floor and lid, or parameters
+        are traced.
     """
-    found = evaluated_or_none(evaluate_with_numpy, partial(_falling, particles=particles), numbers)
-    if found is None:
+    values = evaluated_or_none(evaluate_with_numpy, partial(_falling, particles=particles), numbers)
+    if values is None:
         raise InputError(TRACED)
-    pull, terminal, sinking, rising, largest = map(float, found)
+    pull, terminal, sinking, rising, largest = map(float, values)
     if not pull > 0:
         raise InputError(
             "nothing pulls the particles down or up: gravity or the net weight of each is zero"
@@ -91,7 +95,7 @@ def duration(numbers: Parameters, box: Box, particles: int, way: Way) -> tuple[f
         )
     packed = PACKED * box.size[0] * box.size[1]
     both = zip(way, (sinking, rising), strict=True)
-    fall = max(largest, *(far - solid / packed for far, solid in both if solid > 0.0))
+    fall = max(largest, *(distance - solid / packed for distance, solid in both if solid > 0.0))
     free = float(np.sqrt(2.0 * pull * fall))
     falling = min(free, terminal)
     return max(fall / terminal, 2.0 * fall / free), falling
@@ -105,32 +109,32 @@ def step(
     hindrance: Hindrance | None,
     bounds: ForceBounds = NO_OTHER_FORCES,
 ) -> float:
-    """A step that a random bed of these particles is stable at, and that resolves a dry impact; s.
+    """Step at which a random bed of these particles is stable, and which resolves a dry impact; s.
 
-    Where drag is local, a step that the thinnest suspension is stable at, too: its drag is the
-    least, while a contact there bears no more than the weight of one particle.
+    With local drag, the step is stable in the thinnest suspension, too. Drag is least there, and a
+    contact bears no more than the weight of one particle.
 
     Args:
       numbers: parameters with the moduli of the run.
       box: the container.
       particles: N.
-      falling: speed, m/s.
-      hindrance: f_w where drag is local.
-      bounds: of forces beside weight and contact.
+      falling: speed of the fall, m/s.
+      hindrance: f_w against volume fraction; None without local drag.
+      bounds: bounds of the forces beside weight and contact.
 
     Raises:
-      InputError: no step would do.
+      InputError: no step is stable, or parameters are traced.
     """
-    pulled = bounds.pair_force
-    law = partial(_overlaps, box=box, particles=particles, falling=falling, pulled=pulled)
-    found = evaluated_or_none(evaluate_with_numpy, law, numbers)
-    if found is None:
+    pull = bounds.pair_force
+    law = partial(_overlaps, box=box, particles=particles, falling=falling, pull=pull)
+    values = evaluated_or_none(evaluate_with_numpy, law, numbers)
+    if values is None:
         raise InputError(TRACED)
-    resting, alone, impact, fraction = map(float, found)
+    resting, alone, impact, fraction = map(float, values)
     layers = [(numbers, resting)]
     if hindrance is not None:
         layers = [
-            (numbers.replace(f_w=_felt(hindrance, share)), overlap)
+            (numbers.replace(f_w=_factor(hindrance, share)), overlap)
             for share, overlap in ((BED_FRACTION, resting), (DILUTE_SHARE * fraction, alone))
         ]
     longest = min(
@@ -143,35 +147,41 @@ def step(
     return longest
 
 
-def _felt(hindrance: Hindrance, share: float) -> np.ndarray:
+def _factor(hindrance: Hindrance, share: float) -> np.ndarray:
     """f_w at a volume fraction.
 
     Raises:
-      InputError: it is traced.
+      InputError: f_w is traced.
     """
-    found = evaluated_or_none(evaluate_with_numpy, drop_tracers(hindrance), share)
-    if found is None:
+    factor = evaluated_or_none(evaluate_with_numpy, drop_tracers(hindrance), share)
+    if factor is None:
         raise InputError(TRACED)
-    return found
+    return factor
 
 
 def _stable(numbers: Parameters, overlap: float, stiffness: float) -> float:
-    """Stable step of a random bed of this deepest overlap, m, that resolves a dry impact, too; s.
+    """Step at which a random bed is stable, and which resolves a dry impact; s.
+
+    Args:
+      numbers: parameters with the moduli of the run.
+      overlap: deepest overlap in the bed, m.
+      stiffness: stiffness of the forces beside weight and contact, N/m.
 
     Raises:
-      InputError: parameters that are traced.
+      InputError: parameters are traced.
     """
-    found = evaluated_or_none(evaluate_with_numpy, _limits, numbers, overlap, stiffness)
-    if found is None:
+    values = evaluated_or_none(evaluate_with_numpy, _limits, numbers, overlap, stiffness)
+    if values is None:
         raise InputError(TRACED)
-    stable, relaxation = map(float, found)
+    stable, relaxation = map(float, values)
     return stable if relaxation < stable else stable / INERTIAL
 
 
 def _falling(numbers: Parameters, particles: int) -> tuple[Array, ...]:
-    """Greatest pull, m/s^2, and least terminal speed of what is pulled, m/s.
+    """Greatest acceleration by the net weight, m/s^2, and least terminal speed, m/s.
 
-    Then the volume of what sinks and of what rises, m^3, and the largest radius, m.
+    Also the volume of the particles that sink and of those that rise, m^3, and the largest radius,
+    m. Particles without a net weight do not count for the terminal speed.
     """
     radius = per_particle(particle.outer_radius(numbers), particles)
     volume = 4 / 3 * jnp.pi * radius**3
@@ -187,15 +197,15 @@ def _falling(numbers: Parameters, particles: int) -> tuple[Array, ...]:
 
 
 def _overlaps(
-    numbers: Parameters, box: Box, particles: int, falling: float, pulled: float
+    numbers: Parameters, box: Box, particles: int, falling: float, pull: float
 ) -> tuple[Array, ...]:
-    """Overlaps of the bed, of one particle on another and of an impact, m; volume fraction."""
+    """Overlaps in the bed, of one particle on another and in an impact, m; volume fraction."""
     radius = per_particle(particle.outer_radius(numbers), particles)
     weight = jnp.max(jnp.abs(particle.net_weight(numbers)))
-    together = time_scales.expected_overlap(numbers, pulled, 0.0) if pulled else 0.0
+    attraction = time_scales.expected_overlap(numbers, pull, 0.0) if pull else 0.0
     return (
-        jnp.maximum(softening.resting_overlap(numbers, box, particles), together),
-        time_scales.expected_overlap(numbers, weight + pulled, 0.0),
+        jnp.maximum(softening.resting_overlap(numbers, box, particles), attraction),
+        time_scales.expected_overlap(numbers, weight + pull, 0.0),
         time_scales.expected_overlap(numbers, 0.0, falling),
         4 / 3 * jnp.pi * jnp.sum(radius**3) / box.volume,
     )

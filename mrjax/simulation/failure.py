@@ -1,7 +1,7 @@
 """Finds when and with which particle a run went wrong, by repeating the part that failed.
 
-A good run pays nothing for it. The part is repeated in ever shorter pieces down to a single step,
-whose positions are then looked at, spoilt as they are.
+A run without a fault has no cost for it. The part is repeated in ever shorter pieces, down to a
+single step. The positions after that step, faulty as they are, show the particles.
 """
 
 from dataclasses import dataclass, replace
@@ -22,20 +22,20 @@ from mrjax.dem.schedule import Schedule
 from mrjax.laws import particle
 
 PIECES = 256
-"""Into which a part is divided, and each that fails again."""
+"""Number of pieces into which a failed part is divided, and again each piece that fails."""
 
 
 def failure(system: System, plan: RunPlan, faults: int, time: float) -> SimulationError:
     """The error of a run with faults that cannot be repaired.
 
     Args:
-      system: its state is where the run began, the last good one.
-      plan: of the run.
-      faults: that it has.
-      time: at which it began, s.
+      system: the system, with the state at which the run began, the last good one.
+      plan: plan of the run.
+      faults: faults of the run, a `Fault`.
+      time: time at which the run began, s.
     """
     span = _Span(system.state, plan, time, Fault(faults))
-    if span.faults != Fault.UNSTABLE:  # that is of the whole bed
+    if span.faults != Fault.UNSTABLE:  # an instability is one of the whole bed
         span = _narrowed(span, system)
     where = f"between {span.begins:.6g} and {span.ends:.6g} s"
     if span.end is not None:
@@ -46,18 +46,18 @@ def failure(system: System, plan: RunPlan, faults: int, time: float) -> Simulati
 
 
 def refuse_deep_start(system: System) -> None:
-    """Refuses a start whose surfaces overlap by more than the contact law describes.
+    """Refuses a start at which surfaces overlap by more than the contact law describes.
 
     Args:
-      system: concrete.
+      system: the system, with concrete values.
 
     Raises:
-      SimulationError: the deepest contact, and how deep it is.
+      SimulationError: a contact is too deep; the error names the deepest, and its depth.
     """
     state, parameters, box = system.state, system.parameters, system.box
     position = np.asarray(state.position)
     if not np.isfinite(position).all():
-        return  # which the run says
+        return  # the run itself reports such positions
     with jax.ensure_compile_time_eval():
         outer = evaluate_with_numpy(particle.outer_radius, parameters)
     depth, names = _deepest(position, np.broadcast_to(outer, len(position)), box)
@@ -75,7 +75,7 @@ class _Span:
     plan: RunPlan
     begins: float  # s
     faults: Fault
-    end: State | None = None  # where it is a single step
+    end: State | None = None  # at its end, if it is a single step
 
     @property
     def ends(self) -> float:
@@ -84,7 +84,7 @@ class _Span:
 
 
 def _narrowed(span: _Span, system: System) -> _Span:
-    """The shortest piece of it, a single step if possible, that has a fault."""
+    """The shortest piece of a span that has a fault, a single step if possible."""
     while span.end is None:
         plan, state, begins = _piece(span.plan), span.state, span.begins
         while begins < span.ends - 0.5 * plan.duration:
@@ -97,14 +97,14 @@ def _narrowed(span: _Span, system: System) -> _Span:
                 break
             plan = larger
         else:
-            return span  # rounded otherwise, it does not come again
+            return span  # pieces round differently, and the fault does not recur
         end = run.state if plan.schedule.total == 1 else None
         span = _Span(state, plan, begins, Fault(int(run.fault)), end)
     return span
 
 
 def _piece(plan: RunPlan) -> RunPlan:
-    """The plan of about one of PIECES of a run; as many steps between rebuilds, or fewer."""
+    """The plan of one of about `PIECES` pieces of a run, with no more steps between rebuilds."""
     schedule = plan.schedule
     most = max(1, schedule.total // PIECES)
     steps = min(schedule.steps, most)
@@ -117,7 +117,7 @@ _once = jax.jit(run_once, static_argnames="plan")
 
 
 def _who(step: _Span, end: State, parameters: Parameters, box: Box) -> str:
-    """The particles to which a single step brought its faults, in words."""
+    """The particles that are at fault after a single step, in words."""
     faults = step.faults
     position, velocity, spin = map(np.asarray, (end.position, end.velocity, end.spin))
     if Fault.NOT_FINITE in faults:
@@ -127,7 +127,7 @@ def _who(step: _Span, end: State, parameters: Parameters, box: Box) -> str:
         outside = np.maximum(-position, position - np.array(box.size))[:, box.walled_axes]
         return _named(outside.max(axis=1).argmax(keepdims=True))
     if faults & (Fault.TOO_DEEP | Fault.THROUGH_COATING):
-        # Contacts are looked at half-way.
+        # Contacts are evaluated at the half-way positions of a step.
         before, drift = np.asarray(step.state.position), np.asarray(step.state.velocity)
         radius = np.asarray(particle.outer_radius(parameters))
         half_way = before + 0.5 * step.plan.duration * drift
@@ -136,7 +136,7 @@ def _who(step: _Span, end: State, parameters: Parameters, box: Box) -> str:
 
 
 def _named(particles: np.ndarray) -> str:
-    """Some particles by number."""
+    """The numbers of the first three particles, and how many others there are, in words."""
     few = ", ".join(map(str, particles[:3]))
     others = f" and {particles.size - 3} others" if particles.size > 3 else ""
     return f"particle{'s' * (particles.size > 1)} {few}{others}"
@@ -147,7 +147,7 @@ def _deepest(position: np.ndarray, radius: np.ndarray, box: Box) -> tuple[float,
 
     Args:
       position: centres, (N, 3) in m.
-      radius: of the coated particles, (N,) in m.
+      radius: radius of the coated particles, (N,) in m.
       box: the container.
     """
     size, periodic = np.array(box.size), np.array(box.periodic)
@@ -156,18 +156,18 @@ def _deepest(position: np.ndarray, radius: np.ndarray, box: Box) -> tuple[float,
     first, second = tree.query_pairs(2.0 * radius.max(), output_type="ndarray").T
     contacts = [(0.0, "nothing")]
     if first.size:
-        apart = wrapped[first] - wrapped[second]
-        apart -= np.where(periodic, size * np.round(apart / size), 0.0)
-        overlap = radius[first] + radius[second] - np.sqrt((apart**2).sum(axis=1))
+        separation = wrapped[first] - wrapped[second]
+        separation -= np.where(periodic, size * np.round(separation / size), 0.0)
+        overlap = radius[first] + radius[second] - np.sqrt((separation**2).sum(axis=1))
         depth = overlap / np.minimum(radius[first], radius[second])
-        who = int(depth.argmax())
-        contacts.append((float(depth[who]), f"particles {first[who]} and {second[who]}"))
+        index = int(depth.argmax())
+        contacts.append((float(depth[index]), f"particles {first[index]} and {second[index]}"))
     for axis in box.walled_axes:
         for end, gap in (("lower", position[:, axis]), ("upper", size[axis] - position[:, axis])):
             depth = 1.0 - gap / radius
-            who = int(depth.argmax())
+            index = int(depth.argmax())
             contacts.append(
-                (float(depth[who]), f"particle {who} and the {end} wall in {AXES[axis]}")
+                (float(depth[index]), f"particle {index} and the {end} wall in {AXES[axis]}")
             )
     deepest, names = max(contacts)
     return deepest, f"{names}, {deepest:.2g} radii deep"

@@ -1,4 +1,4 @@
-"""`simulate` for long runs, which can be kept on disk part by part."""
+"""Runs of a given time that can be kept on disk part by part."""
 
 from pathlib import Path
 from typing import Unpack
@@ -18,7 +18,7 @@ from mrjax.simulation.plan import plan_run
 from mrjax.simulation.progress import watched
 
 STEPS_IN_A_PART = 10**8
-"""Steps of one particle in a part that is kept: some seconds."""
+"""Steps times particles in a part that is kept on disk; it takes some seconds."""
 
 
 @takes_run_options
@@ -32,19 +32,19 @@ def follow(
     checkpoint: str | Path | None = None,
     **options: Unpack[RunKeywords],
 ) -> Run:
-    """`simulate` for long runs, which can be kept on disk; the same bits.
+    """Follows the particles for a given time, as `simulate` does, and can keep the run on disk.
 
-    Not for traced calls.
+    The run has the same bits as that of `simulate`. The call cannot be traced.
 
     Args:
       state, parameters, box, duration, frames: as for `simulate`.
-      checkpoint: folder that keeps the run every few seconds. Called again with it and the same
-        arguments, on the same machine, the run goes on, and ends with the same bits. It stays until
-        it is removed.
-      options: step, neighbour list, local drag, what is recorded and shown: `RunOptions`.
+      checkpoint: folder that keeps the run every few seconds. A second call with this folder and
+        the same arguments, on the same machine, continues the run, which ends with the same bits.
+        The folder stays until it is removed.
+      options: step, neighbour list, local drag, forces, records and progress: `RunOptions`.
 
     Raises:
-      InputError: an argument that cannot be used, or a checkpoint of another run.
+      InputError: an argument cannot be used, or the checkpoint is of another run.
       SimulationError: the run is not to be trusted. The error says when and to which particle it
         happened, and carries the state at the beginning of that frame.
     """
@@ -53,7 +53,7 @@ def follow(
     system = System.of(state, parameters, box, chosen.hindrance, chosen.forces)
     with interruptible() as stop:
         plan = plan_run(system, chosen, duration=duration, frames=frames)
-        parts = None
+        sequence = None
         if checkpoint is not None:
             work = Checkpoint.open(
                 Path(checkpoint),
@@ -67,24 +67,24 @@ def follow(
                 state=state_file.arrays(state),
                 setup=plan,
             )
-            parts = work.sequence("part")
+            sequence = work.sequence("part")
         pieces = PiecewiseRun(system, plan, stop=stop)
-        resume(pieces, parts)
+        resume(pieces, sequence)
         with watched("follow", pieces, chosen.progress) as watch:
             while pieces.place.frame < plan.schedule.frames:
                 pieces.advance_to(*_end_of_part(pieces), watch)
-                store(pieces, parts)
+                store(pieces, sequence)
         return pieces.run()
 
 
-def resume(pieces: PiecewiseRun, parts: Sequence | None) -> None:
+def resume(pieces: PiecewiseRun, sequence: Sequence | None) -> None:
     """Continues from the stored parts of a run, if there are any.
 
     Raises:
-      InputError: they are of another version.
+      InputError: the parts are of another version.
     """
-    if parts is not None:
-        recorded, place = parts.resumed()
+    if sequence is not None:
+        recorded, place = sequence.resumed()
         try:
             if place is not None:
                 pieces.restore(recorded, place)
@@ -94,18 +94,18 @@ def resume(pieces: PiecewiseRun, parts: Sequence | None) -> None:
             ) from None
 
 
-def store(pieces: PiecewiseRun, parts: Sequence | None) -> None:
-    """Adds to the stored parts of a run, if it is to be kept."""
-    if parts is not None:
-        parts.append(*pieces.kept())
+def store(pieces: PiecewiseRun, sequence: Sequence | None) -> None:
+    """Adds a part to the stored parts of a run, if it is kept on disk."""
+    if sequence is not None:
+        sequence.append(*pieces.kept())
 
 
 def _end_of_part(pieces: PiecewiseRun) -> tuple[int, int]:
     """Frame and interval at which the present part ends: whole frames, or a part of one."""
     schedule, place = pieces.plan.schedule, pieces.place
     most = max(1, STEPS_IN_A_PART // (schedule.steps * pieces.particles))
-    left = schedule.intervals - place.interval
-    if most < left:
+    remaining = schedule.intervals - place.interval
+    if most < remaining:
         return place.frame, place.interval + most
     frames = 1 if place.interval else max(1, most // schedule.intervals)
     return min(place.frame + frames, pieces.frames), 0

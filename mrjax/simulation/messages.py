@@ -1,4 +1,4 @@
-"""Messages between processes: JSON, and the bytes of arrays; nothing that could run when read.
+"""Messages between processes: JSON and the bytes of arrays, without executable content.
 
 A message is the length of its JSON (8 bytes), the JSON, and all arrays one after another.
 """
@@ -26,26 +26,26 @@ TABLES = {table.__name__: table for table in (Box, ContactHistory, Run, State, T
 ERRORS = {error.__name__: error for error in (InputError, SimulationError, SystemRefusal)}
 LENGTH = struct.Struct("!Q")
 KINDS = "biufc"
-"""Kinds of numbers, as numpy has them."""
+"""Kinds of numbers, as in numpy's `dtype.kind`."""
 
 
 def encode(value: Any) -> bytes:
     """Encodes a value as a message.
 
     Args:
-      value: of numbers, text, arrays, lists, paths, recipes, `TABLES` and `ERRORS`.
+      value: a value of numbers, text, arrays, lists, paths, recipes, `TABLES` and `ERRORS`.
 
     Raises:
-      TypeError: it holds anything else.
+      TypeError: the value holds anything else.
     """
     arrays: list[np.ndarray] = []
     text = json.dumps(_plain(value, arrays)).encode("ascii")
-    parts = (np.ascontiguousarray(array).tobytes() for array in arrays)
-    return b"".join((LENGTH.pack(len(text)), text, *parts))
+    contents = (np.ascontiguousarray(array).tobytes() for array in arrays)
+    return b"".join((LENGTH.pack(len(text)), text, *contents))
 
 
 def decode(message: bytes) -> Any:
-    """Decodes a message; arrays are JAX's.
+    """Decodes a message; its arrays become arrays of JAX.
 
     Raises:
       ValueError: it is no message, or ends too early.
@@ -59,7 +59,7 @@ def decode(message: bytes) -> Any:
 
 
 def _plain(value: Any, arrays: list[np.ndarray]) -> Any:
-    """The value in forms that JSON has; arrays are put aside, in the order of reading."""
+    """The value in forms that JSON has; its arrays go to `arrays`, in the order of reading."""
     if isinstance(value, np.generic):
         value = value.item()
     if value is None or isinstance(value, bool | int | float | str):
@@ -99,19 +99,19 @@ class _Reader:
         """The value that JSON stands for."""
         if not isinstance(tree, dict):
             return tree
-        ((kind, held),) = tree.items()
+        ((kind, content),) = tree.items()
         match kind:
             case "list":
-                return [self.value(item) for item in held]
+                return [self.value(item) for item in content]
             case "tuple":
-                return tuple(self.value(item) for item in held)
+                return tuple(self.value(item) for item in content)
             case "array":
-                return jnp.asarray(self._array(*held))
+                return jnp.asarray(self._array(*content))
             case "path":
-                return Path(held)
+                return Path(content)
             case "recipe":
-                return Recipe.model_validate(held)
-        fields = {name: self.value(item) for name, item in held.items()}
+                return Recipe.model_validate(content)
+        fields = {name: self.value(item) for name, item in content.items()}
         if kind in TABLES:
             return TABLES[kind](**fields)
         error = ERRORS[kind](fields["text"])

@@ -14,23 +14,23 @@ F = TypeVar("F", bound=Callable)
 
 @dataclass(frozen=True)
 class RunOptions:
-    """Options of a run, the keywords that `simulate`, `follow` and `settle` share.
+    """Options of a run: the keywords that `simulate`, `follow` and `settle` share.
 
     Args:
-      time_step: longest step, s; shortened so that the steps fill the frames. Left out, it is
-        `mrjax.time_step(parameters)` (Eq. 29), or less where contacts are strongly damped, and
-        without its t_c where nothing can touch before the end; for `settle`, what a random bed
-        under its weight is stable at. Never differentiated through.
+      time_step: longest step, s; it is shortened so that the steps fill the frames. The default is
+        `mrjax.time_step(parameters)` (Eq. 29), or less if contacts are strongly damped. If nothing
+        can touch before the end, the default leaves out t_c. For `settle` it is a step at which a
+        random bed under its weight is stable. No derivative goes through the step.
       skin: reach of the neighbour list beyond contact, as a fraction of the contact diameter.
-      rebuild_every: steps after which the list is checked, and rebuilt if need be; left out, chosen
-        so that nothing falls through the skin in between.
-      capacity: room in the neighbour list of each particle; left out, for a random close packing.
-      cell_capacity: room in a search cell of the list; likewise.
+      rebuild_every: number of steps after which the list is checked, and rebuilt if need be; by
+        default so few that no particle crosses the skin in between.
+      capacity: room in the neighbour list of each particle; by default for a random close packing.
+      cell_capacity: room in a search cell of the list; by default for a random close packing.
       hindrance: f_w for volume fractions, such as `recipe.hindrance` or
-        `lambda phi: (1 - phi) ** -4.65`: each particle then feels that of its own height
-        (`mrjax.laws.hindrance`) in place of the parameters' f_w.
-      forces: the forces on the particles, such as `[mrjax.Gravity(), mrjax.Contact()]` and those
-        of one's own (`mrjax.PairForce`, `mrjax.BodyForce`); left out, gravity and contact. Drag is
+        `lambda phi: (1 - phi) ** -4.65`. Each particle then has the f_w of its own height
+        (`mrjax.laws.hindrance`) in place of that of the parameters.
+      forces: the forces on the particles, such as `[mrjax.Gravity(), mrjax.Contact()]` and forces
+        of your own (`mrjax.PairForce`, `mrjax.BodyForce`); by default gravity and contact. Drag is
         part of the integrator.
       trajectory: whether to record all positions, velocities and spins (`Run.trajectory`).
       progress: whether to show a progress bar, on standard error (plain calls).

@@ -1,7 +1,7 @@
-"""A run in pieces of a fraction of a second: watched, stopped, kept on disk and continued.
+"""Runs in pieces of a fraction of a second, which can be watched, stopped, stored and continued.
 
-One compiled program takes the whole motion and advances it. Numbers of frames and intervals are
-arguments of it, so that the bits of a run do not depend on its pieces.
+One compiled program takes the whole motion and advances it. The numbers of frames and intervals are
+its arguments, so that the bits of a run do not depend on its pieces.
 """
 
 import time
@@ -29,71 +29,71 @@ from mrjax.simulation.recording import Recording, named_arrays, tree_of_arrays
 T = TypeVar("T")
 
 PIECE = 0.25
-"""Length of a piece, s: an interruption waits for the end of one."""
+"""Time that a piece takes, s. An interruption waits for the end of a piece."""
 FIRST_PIECE = 0.05
-"""Length of the first piece, s, whose pace is a guess."""
+"""Time that the first piece takes, s; the pace is a guess there."""
 PATIENCE = 1.0
-"""Time that a piece may take before its call is left to a thread, s: an interval of very many
+"""Expected time of a piece above which its call runs in a thread, s. An interval of very many
 particles takes longer, and an interruption does not wait for it then."""
 NUMBERS = 2**18
-"""Heights that one piece may record."""
+"""Greatest number of heights that one piece records."""
 MOST_ROWS = 1024
-"""Frames that one piece may record."""
+"""Greatest number of frames that one piece records."""
 
 
 class _Pace:
-    """Seconds that an interval takes, as far as is known."""
+    """Estimate of the time that an interval takes, s."""
 
     def __init__(self, guess: float) -> None:
         self.seconds, self.measured = guess, False
 
     def intervals(self) -> int:
-        """Intervals that a piece should take."""
+        """Number of intervals for a piece."""
         return max(1, int((PIECE if self.measured else FIRST_PIECE) / self.seconds))
 
     def update(self, seconds: float, intervals: int, compiled: bool) -> None:
-        """Takes in what a piece took; the first one was compiled besides."""
+        """Updates the estimate after a piece, unless its time includes the compilation."""
         if compiled or not intervals:
             return
-        # Four times as many at most: a first measurement may be of a moment's rest.
+        # At most four times as many intervals: a first measurement may be of a quiet moment.
         self.seconds = max(seconds / intervals, 0.25 * self.seconds)
         self.measured = True
 
 
 class Place(NamedTuple):
-    """The place in a run that it has reached."""
+    """The place that a run has reached."""
 
     motion: Motion
-    frame: int  # frames that are complete
-    interval: int  # intervals of the next one that are complete
+    frame: int  # number of complete frames
+    interval: int  # number of complete intervals of the next frame
 
 
 class PiecewiseRun:
-    """One run of concrete values, which advances as far as it is asked to.
+    """One run of concrete values, which advances by the number of frames asked for.
 
     A fault that larger buffers repair takes the run back to the beginning of its frame.
     """
 
     def __init__(self, system: System, plan: RunPlan, *, stop: Stop) -> None:
-        """A run that is about to begin.
+        """Prepares a run at its start.
 
         Args:
-          system: what is run, concrete.
-          plan: of the run; its schedule says how long a frame is.
-          stop: looked at after every piece.
+          system: the system, with concrete values.
+          plan: plan of the run; its schedule gives the length of a frame.
+          stop: request to stop, checked before every piece.
 
         Raises:
-          SimulationError: the start overlaps too deeply.
+          SimulationError: particles overlap too deeply at the start.
         """
         refuse_deep_start(system)
-        self.given, self.system, self.plan, self.stop = system, system, plan, stop
+        self.original, self.system, self.plan, self.stop = system, system, plan, stop
         self.back: np.ndarray | None = None
         if system.particles >= sorting.SORT_FROM:
             cell = plan.neighbour_list.cell * plan.unit_length
             order = sorting.spatial_order(system.state.position, system.box, cell)
             self.system = sorting.permute_system(system, order)
             self.back = np.argsort(np.asarray(order))
-        self.frames = plan.schedule.frames  # those that are wanted
+        self.frames = plan.schedule.frames  # in the duration of the plan
         self.steps = 0
         self.faults: list[int] = []
         self.most_rows = int(np.clip(NUMBERS // self.particles, 1, MOST_ROWS))
@@ -115,7 +115,7 @@ class PiecewiseRun:
 
     @property
     def done(self) -> float:
-        """Frames that are complete, and the share of the next."""
+        """Number of complete frames, plus the complete share of the next."""
         return self.place.frame + self.place.interval / self.plan.schedule.intervals
 
     @property
@@ -124,23 +124,23 @@ class PiecewiseRun:
         return self.recording.mean_speed
 
     def advance(self, frames: int, watch: Callable[[int], object] = lambda steps: None) -> None:
-        """Completes as many further frames.
+        """Completes further frames.
 
         Args:
-          frames: at least 0.
-          watch: called after every piece with the steps that it took.
+          frames: number of frames, at least 0.
+          watch: function called after every piece with the number of its steps.
 
         Raises:
-          SimulationError: a fault that cannot be repaired; the error carries the state at the
-            beginning of its frame.
-          StoppedError: as `stop` asks for.
+          SimulationError: a fault cannot be repaired; the error carries the state at the beginning
+            of its frame.
+          StoppedError: `stop` asks for it.
         """
         self.advance_to(self.place.frame + frames, 0, watch)
 
     def advance_to(
         self, frame: int, interval: int, watch: Callable[[int], object] = lambda steps: None
     ) -> None:
-        """Advances to some intervals beyond a number of frames; raises as `advance`."""
+        """Advances to an interval of the frame after `frame` complete ones; raises as `advance`."""
         while (self.place.frame, self.place.interval) < (frame, interval):
             self.stop.check()
             before = self.steps
@@ -149,7 +149,7 @@ class PiecewiseRun:
             watch(self.steps - before)
 
     def run(self) -> Run:
-        """The run so far, whole frames only, with the state of this moment."""
+        """The run so far: its complete frames, and the present state."""
         schedule = replace(self.plan.schedule, frames=max(1, self.place.frame))
         plan = replace(self.plan, duration=self.frame_length * schedule.frames, schedule=schedule)
         run = self._run(self.place.motion, self.recording.whole(), plan)
@@ -160,9 +160,9 @@ class PiecewiseRun:
         return jax.tree.map(jnp.asarray, run)
 
     def kept(self) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """All that is to be kept on disk: what was recorded since the last call; where it stands.
+        """Arrays to store on disk: the records since the last call, and the place of the run.
 
-        Positions are those of the run, in reduced units: continued from them it has the same bits.
+        Positions are in the reduced units of the run, so that it continues with the same bits.
         """
         place = self.place
         arrays = {
@@ -174,14 +174,14 @@ class PiecewiseRun:
         return self.recording.new_arrays(), arrays
 
     def restore(self, recorded: list[dict[str, np.ndarray]], place: dict[str, np.ndarray]) -> None:
-        """Continues from what `kept` gave, call after call, and from the last place.
+        """Continues from the records of all calls of `kept`, and from the place of the last call.
 
         Raises:
-          KeyError: an array that is missing.
+          KeyError: an array is missing.
         """
         for fault in place["faults"]:
             larger = self.plan.with_larger_buffers(int(fault), self.particles)
-            assert larger is not None  # it was then
+            assert larger is not None  # the same repair succeeded before
             self.plan = larger
             self.faults.append(int(fault))
         # Velocities are in units of the step.
@@ -195,13 +195,13 @@ class PiecewiseRun:
         self.recording.restore(recorded)
 
     def _times(self) -> np.ndarray:
-        """Times of the start and of all frames so far, s: the same however many there are."""
+        """Times of the start and of all frames so far, s, with the same bits in longer runs."""
         duration, frame = self.plan.duration, np.arange(self.place.frame + 1)
         within = np.linspace(0.0, duration, self.frames + 1)
         return duration * (frame // self.frames) + within[frame % self.frames]
 
     def _begin(self, state: State) -> tuple[Motion, Observed]:
-        """The motion from a state by the present plan, and what is observed there."""
+        """The motion at a state by the present plan, and the observables there."""
         self.system = self.system._replace(state=state)
         begin, self.matter = self._reduced()
         settings = self.plan.settings(self.system.box)
@@ -214,7 +214,7 @@ class PiecewiseRun:
         return begin, matter._replace(material=self.system.state.material)
 
     def _piece(self, frames: int, most: int) -> None:
-        """Whole frames, at most so many, or some intervals of one, at most up to `most`."""
+        """Advances by at most `frames` whole frames, or within one, at most to interval `most`."""
         schedule, (motion, _, interval) = self.plan.schedule, self.place
         fit = self.pace.intervals()
         whole = min(frames, self.most_rows, fit // schedule.intervals) if interval == 0 else 0
@@ -222,9 +222,9 @@ class PiecewiseRun:
             count, intervals = whole, schedule.intervals
         else:
             count, intervals = 1, min(fit, most - interval)
-        began = time.perf_counter()
+        start = time.perf_counter()
         after, rows, good = self._advanced(motion, count, intervals)
-        self.pace.update(time.perf_counter() - began, good, not self._compiled)
+        self.pace.update(time.perf_counter() - start, good, not self._compiled)
         self._compiled = True
         if int(after.fault):
             self._repair(int(after.fault), good)
@@ -234,18 +234,18 @@ class PiecewiseRun:
         self.steps += count * intervals * schedule.steps
 
     def _accept(self, motion: Motion, rows: Observed, frames: int, interval: int) -> None:
-        """Takes whole frames that a piece completed, or a piece of one."""
+        """Accepts a piece without a fault: the frames that it completed, or a part of a frame."""
         self.place = Place(motion, self.place.frame + frames, interval)
         if frames:
             self.recording.add(self._in_si(jax.tree.map(lambda leaf: leaf[:frames], rows)))
             self.at_frame = self.place
 
     def _repair(self, fault: int, good: int) -> None:
-        """Goes back to the beginning of the frame, with larger buffers where that helps.
+        """Goes back to the beginning of the frame with a fault, with larger buffers.
 
         Args:
-          fault: that was met.
-          good: intervals of the piece before it.
+          fault: the fault.
+          good: number of intervals of the piece before the fault.
 
         Raises:
           SimulationError: the fault cannot be repaired.
@@ -270,25 +270,25 @@ class PiecewiseRun:
         self.place = self.at_frame = Place(motion, before.frame, 0)
 
     def _failure(self, fault: int, good: int) -> Exception:
-        """The error of a fault in an interval of the present frame, after so many good ones."""
+        """The error of a fault in the present frame, after `good` intervals without one."""
         (motion, frame, _), steps = self.place, self.plan.schedule.steps
         last_good, time = self._in_original_order(self._state(motion)), frame * self.frame_length
         if good:
             motion, _, _ = self._advanced(motion, 1, good)
-        one = self.plan.with_schedule(Schedule(frames=1, intervals=1, steps=steps))
+        interval = self.plan.with_schedule(Schedule(frames=1, intervals=1, steps=steps))
         state = self._in_original_order(self._state(motion))
-        system = self.given._replace(state=state)
-        error = failure(system, one, fault, time + good * one.duration)
+        system = self.original._replace(state=state)
+        error = failure(system, interval, fault, time + good * interval.duration)
         error.state, error.time = last_good, time
         return error
 
     def _advanced(
         self, motion: Motion, frames: int, intervals: int
     ) -> tuple[Motion, Observed, int]:
-        """The motion after so many frames of so many intervals, or after its first fault.
+        """The motion after `frames` frames of `intervals` intervals, or after its first fault.
 
         Returns:
-          the motion; what its frames recorded, on the host; how many intervals had no fault.
+          The motion; the records of its frames, on the host; the number of intervals without fault.
         """
 
         def call() -> tuple[Motion, Observed, int]:
@@ -307,14 +307,14 @@ class PiecewiseRun:
         return after, jax.tree.map(lambda leaf: leaf[:frames], rows), good
 
     def _run(self, motion: Motion, observed: Observed, plan: RunPlan) -> Run:
-        """The run that ends with a motion, in SI, in the order of the motion."""
+        """The run that ends with a motion, in SI, with particles in the order of the motion."""
         outcome = scan.conclude(motion, self.matter, settings=self.plan.settings(self.system.box))
         trusted = _trusted(self.system.state.position.dtype)
         ends = _on_host(motion), observed, _on_host(outcome)
         return run_in_si(self.system, self.matter, *ends, plan, trusted)
 
     def _state(self, motion: Motion) -> State:
-        """The state of a motion, in SI, in the order of the motion."""
+        """The state of a motion, in SI, with particles in the order of the motion."""
         run = self._run(motion, self.recording.empty_row(), self.plan)
         return jax.tree.map(jnp.asarray, run.state)
 
@@ -326,10 +326,10 @@ class PiecewiseRun:
 
 
 def _trusted(dtype: DTypeLike) -> Any:
-    """The factor on numbers of a run that is to be trusted, by numpy."""
+    """The factor on the numbers of a run without faults, 1, as an array of numpy."""
     return np.ones((), dtype)
 
 
 def _on_host(tree: T) -> T:
-    """The same with numpy's arrays."""
+    """The same tree with arrays of numpy."""
     return jax.tree.map(np.asarray, tree)

@@ -1,4 +1,4 @@
-"""Decides what a run leaves open: its step, its buffers, its laws. Refuses what cannot be run."""
+"""Plans a run: chooses the step, buffers and laws that are left open, and refuses bad input."""
 
 from dataclasses import replace
 from functools import partial
@@ -31,15 +31,15 @@ def plan_run(
     """The plan of a run.
 
     Args:
-      system: what is to be run.
-      options: what is decided already.
-      duration: s.
+      system: the system to be run.
+      options: choices of the caller.
+      duration: duration of the run, s.
       frames: number of times at which observables are recorded, beside the start.
-      touch: whether particles touch before the end; left out, judged from where they are.
+      touch: whether particles touch before the end; by default judged from positions and speeds.
 
     Raises:
-      InputError: an argument that cannot be used, a step that would be unstable, or a traced value
-        where a concrete one is needed.
+      InputError: an argument cannot be used, a step would be unstable, or a value is traced where a
+        concrete one is needed.
     """
     state, parameters, _, box, _ = system
     frames = checks.whole(frames, "frames")
@@ -68,7 +68,7 @@ def plan_run(
     if touch:
         largest, hopeless = _stable_steps(system, numbers, diameter, speed, bounds)
     if options.time_step is None:
-        # Eq. 29 knows nothing of dissipation, which may ask for less.
+        # Eq. 29 leaves out dissipation, which may need a shorter step.
         limits = (_step_of_eq_29(numbers, touch and system.in_contact), largest)
         time_step = min((limit for limit in limits if limit is not None), default=duration)
     else:
@@ -96,7 +96,7 @@ def _stable_steps(
     speed: float | None,
     bounds: ForceBounds,
 ) -> tuple[float | None, float | None]:
-    """Largest stable steps of a close packing and of a pair, s; None where that is traced."""
+    """Largest stable steps of a close packing and of a pair, s; None if they are traced."""
     if system.hindrance is not None:
         with jax.ensure_compile_time_eval():
             numbers = numbers.replace(f_w=drop_tracers(system.hindrance)(BED_FRACTION))
@@ -120,10 +120,10 @@ def _list_plan(
     skin: float,
     reach: float,
 ) -> ListPlan:
-    """The neighbour list of a run.
+    """The plan of the neighbour list of a run.
 
     Raises:
-      InputError: a capacity that is no number, or a box too narrow for the particles.
+      InputError: a capacity is no whole number, or the box is too narrow for the particles.
     """
     state, box = system.state, system.box
     capacity = options.capacity
@@ -139,18 +139,20 @@ def _list_plan(
 
 
 def _step_of_eq_29(numbers: Parameters, touch: bool) -> float | None:
-    """Eq. 29, or what is left of it where nothing can touch: infinite without drag, None if traced.
+    """The step of Eq. 29, s, or its part for the rise of velocities if nothing can touch.
+
+    That part is infinite without drag, and None if the parameters are traced.
 
     Raises:
-      InputError: something can touch, and the parameters are traced.
+      InputError: particles can touch, and the parameters are traced.
     """
     if not touch:
         rise = evaluated_or_none(time_scales.rise_time, numbers)
         return None if rise is None else float(rise) / time_scales.REFINEMENT
-    chosen = evaluated_or_none(time_scales.time_step, numbers)
-    if chosen is None:
+    step = evaluated_or_none(time_scales.time_step, numbers)
+    if step is None:
         raise InputError(
             "the parameters are traced by jit or vmap, so simulate cannot choose a step; give "
             "time_step=float(mrjax.time_step(parameters)), computed outside"
         )
-    return float(chosen)
+    return float(step)

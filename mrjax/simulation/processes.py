@@ -1,6 +1,6 @@
-"""Work divided among the processes of one computation, on one machine or several.
+"""Divides work among the processes of one computation, on one machine or several.
 
-They are those of `--distributed`, which `join` brings together, or those of `jax.distributed`.
+The processes are those of `--distributed`, which `join` connects, or those of `jax.distributed`.
 """
 
 import os
@@ -23,16 +23,17 @@ _group: partners.Group | None = None
 
 
 def join(address: str | None = None, count: int | None = None, number: int | None = None) -> None:
-    """Makes this process one of `count`, which all call this, before anything is computed.
+    """Connects this process with the others of a computation, all of which make this call.
 
-    From then on a process that dies ends all others with one line and exit status 3: at once where
-    they wait for it, else within `timing.GRACE`, `timing.SILENCE` later where its machine died.
+    The call comes before anything is computed. From then on a process that dies ends all others
+    with one line and exit status 3. Those that wait for it end at once, the others within
+    `timing.GRACE`. If its machine died, they end `timing.SILENCE` later.
 
     Args:
       address: HOST:PORT at which process 0 can be reached.
-      count: of the processes.
-      number: of this one, from 0 on. All three left out, they are those of the cluster's scheduler,
-        as JAX finds them.
+      count: number of processes.
+      number: number of this process, from 0. If all three are left out, they are those of the
+        cluster's scheduler, as JAX finds them.
 
     Raises:
       InputError: the others do not come within `timing.PATIENCE`, or there is no scheduler.
@@ -53,13 +54,13 @@ def join(address: str | None = None, count: int | None = None, number: int | Non
 
 
 def leave() -> None:
-    """Tells the others that this process has done its share: it may end without ending them."""
+    """Tells the others that this process has done its share, so that its end does not end them."""
     if _group is not None:
         _group.leave()
 
 
 def _scheduled() -> tuple[str | None, int | None, int | None]:
-    """Address, count and number from the cluster's scheduler; GPUs divided likewise."""
+    """Address, count and number from the cluster's scheduler; also sets this process' GPUs."""
     from jax._src.clusters import ClusterEnv  # JAX has no public name for it
 
     address, count, number, devices = ClusterEnv.auto_detect_unset_distributed_params(
@@ -90,25 +91,25 @@ def is_first() -> bool:
 def divided(work: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[R]:
     """Divides work among the processes; returns the results for all items, on every process.
 
-    Every process calls this with as many items.
+    Every process makes this call with equally many items.
 
     Args:
-      work: from some of the items to as many results, of which `messages` can be made.
-      items: all of them.
+      work: function from some of the items to as many results, of kinds that `messages` can encode.
+      items: all items.
 
     Raises:
-      InputError, SimulationError, SystemRefusal: as raised by the work of any process.
+      InputError, SimulationError, SystemRefusal: the work of any process raised it.
       SystemRefusal: a process is lost.
     """
     total = count()
     if total == 1:
         return work(items)
     try:
-        done: list[R] | Exception = work(items[number() :: total])
+        outcome: list[R] | Exception = work(items[number() :: total])
     except (InputError, SimulationError, SystemRefusal) as error:  # the others must not wait
-        done = error
+        outcome = error
     try:
-        shares = [messages.decode(message) for message in _gathered(messages.encode(done))]
+        shares = [messages.decode(message) for message in _gathered(messages.encode(outcome))]
     except ValueError as error:
         raise SystemRefusal(f"what another process sent {error}; give a free port") from None
     for share in shares:
@@ -124,7 +125,7 @@ def by_first(work: Callable[[], R]) -> R:
 
 
 def _gathered(mine: bytes) -> list[bytes]:
-    """The messages of all processes, in their order, on every process."""
+    """The messages of all processes, in the order of their numbers, on every process."""
     if _group is not None:
         return _group.gather(mine)
     packed = np.frombuffer(mine, np.uint8)

@@ -10,7 +10,7 @@ from mrjax.core.units import time_in_words
 from mrjax.simulation.pieces import PiecewiseRun
 
 LONG = 60.0
-"""Expected length of a call from which on it says so before it begins, s."""
+"""Expected length of a call above which it is announced, s."""
 _log = logging.getLogger("mrjax.progress")
 
 
@@ -24,11 +24,11 @@ def expected_seconds(steps: float, particles: int) -> float:
 
 
 def announce(call: str, steps: float, particles: int) -> None:
-    """Says through the logger `mrjax.progress` that a call will take more than a minute.
+    """Announces a call of more than a minute, through the logger `mrjax.progress`.
 
     Args:
       call: name of the function.
-      steps: that it will take, about.
+      steps: approximate number of steps.
       particles: N.
     """
     seconds = expected_seconds(steps, particles)
@@ -45,14 +45,14 @@ def announce(call: str, steps: float, particles: int) -> None:
 
 @contextmanager
 def watched(call: str, pieces: PiecewiseRun, progress: bool) -> Iterator[Callable[[int], object]]:
-    """A progress bar of a run of given duration, to be told the steps of every piece.
+    """Shows a progress bar for a run of given duration: steps, physical time and remaining time.
 
-    It shows steps, physical time and what is left.
+    It yields a function that is called with the number of steps of every piece.
 
     Args:
       call: name of the function.
-      pieces: of the run, about to begin or to go on.
-      progress: whether to show it.
+      pieces: the run, at its start or resumed.
+      progress: whether to show the bar.
     """
     total = pieces.plan.schedule.total
     announce(call, total - pieces.steps, pieces.particles)

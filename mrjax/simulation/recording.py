@@ -15,19 +15,19 @@ class Recording:
     """Observables at the start and in every frame so far, on the host."""
 
     def __init__(self, at_start: Observed, order: np.ndarray | None) -> None:
-        """A recording that begins.
+        """Begins a recording.
 
         Args:
-          at_start: what is observed at the start, in SI.
-          order: place of every particle of the caller among those of the run, (N,); None where
-            they are the same.
+          at_start: observables at the start, in SI.
+          order: place of every particle of the caller among those of the run, (N,); None if the
+            orders are the same.
         """
         self.order = order
         self.rows = [jax.tree.map(lambda leaf: leaf[None], at_start)]
         self._stored = 0
 
     def add(self, rows: Observed) -> None:
-        """Appends what further frames recorded, (frames, ...) in SI."""
+        """Appends the rows of further frames, (frames, ...) in SI."""
         self.rows.append(rows)
 
     @property
@@ -36,7 +36,7 @@ class Recording:
         return np.concatenate([row.speed for row in self.rows])
 
     def whole(self) -> Observed:
-        """All rows, particles in the order of the caller."""
+        """All rows, with particles in the order of the caller."""
         whole: Observed = jax.tree.map(lambda *leaves: np.concatenate(leaves), *self.rows)
         if self.order is None:
             return whole
@@ -44,24 +44,24 @@ class Recording:
         return whole._replace(heights=whole.heights[:, self.order], trajectory=trajectory)
 
     def empty_row(self) -> Observed:
-        """One row that nobody reads."""
+        """One row of the right shapes, whose values are not used."""
         return jax.tree.map(lambda leaf: leaf[:1], self.rows[0])
 
     def new_arrays(self) -> dict[str, np.ndarray]:
-        """The arrays of the rows since the last call, by name; of no rows at least."""
+        """The arrays of the rows since the last call, by name; of length 0 if there are none."""
         nothing = jax.tree.map(lambda leaf: leaf[:0], self.rows[0])
         fresh = [nothing, *self.rows[self._stored :]]
         self._stored = len(self.rows)
         return named_arrays("seen", jax.tree.map(lambda *leaves: np.concatenate(leaves), *fresh))
 
-    def restore(self, parts: list[dict[str, np.ndarray]]) -> None:
-        """Takes what `new_arrays` gave, call after call.
+    def restore(self, recorded: list[dict[str, np.ndarray]]) -> None:
+        """Restores the rows from the arrays that all calls of `new_arrays` returned.
 
         Raises:
-          KeyError: an array that is missing.
+          KeyError: an array is missing.
         """
         row = self.rows[0]
-        self.rows = [tree_of_arrays("seen", arrays, row) for arrays in parts]
+        self.rows = [tree_of_arrays("seen", arrays, row) for arrays in recorded]
         self._stored = len(self.rows)
 
 
@@ -72,11 +72,11 @@ def named_arrays(name: str, tree: Any) -> dict[str, np.ndarray]:
 
 
 def tree_of_arrays(name: str, arrays: Mapping[str, np.ndarray], like: T) -> T:
-    """The tree of which `named_arrays` gave these arrays, among others.
+    """The tree whose arrays `named_arrays` named; `arrays` may hold others, too.
 
     Raises:
-      KeyError: an array that is missing.
+      KeyError: an array is missing.
     """
     leaves, structure = jax.tree.flatten_with_path(like)
-    found = (arrays[f"{name}{jax.tree_util.keystr(path)}"] for path, _ in leaves)
-    return jax.tree.unflatten(structure, found)
+    values = (arrays[f"{name}{jax.tree_util.keystr(path)}"] for path, _ in leaves)
+    return jax.tree.unflatten(structure, values)

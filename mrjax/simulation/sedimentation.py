@@ -31,7 +31,7 @@ class Sedimentation:
     """M runs to rest of one recipe."""
 
     run: Run
-    """All of them, each of its arrays with a leading axis (M, ...)."""
+    """All runs; each array has a leading axis (M, ...)."""
     parameters: Parameters
     """Parameters of the runs, softened."""
     softening: float
@@ -59,33 +59,33 @@ def sedimentation(
 ) -> Sedimentation:
     """Disperses a recipe and lets it settle to rest at its own viscosity.
 
-    Contacts are softened to an overlap (`softened`); the drag is that of the sheet, local where it
-    says so. Starts are divided among the processes where `jax.distributed` is initialised: every
-    one makes this call with the same arguments and gets all runs.
+    Contacts are softened to an overlap (`softened`). The drag is that of the sheet, local if the
+    sheet says so. If `jax.distributed` is initialised, the starts are divided among its processes;
+    every process makes this call with the same arguments, and gets all runs.
 
     Args:
       recipe: the lab sheet.
-      seeds: of the random starts, one run for each.
+      seeds: seeds of the random starts, one run for each.
       overlap: greatest overlap of a contact at rest, in contact radii.
-      frames: recorded in the expected duration.
-      time_step: longest step, s; left out, what the bed is stable at.
-      dtype: of the runs; `float` is JAX's default.
+      frames: number of frames recorded in the expected duration.
+      time_step: longest step, s; by default one at which the bed is stable.
+      dtype: dtype of the runs; `float` is JAX's default.
       progress: whether to show progress bars, on standard error.
-      forces: the forces on the particles; left out, gravity and contact (`RunOptions`).
+      forces: the forces on the particles; by default gravity and contact (`RunOptions`).
       trajectory: whether to record all positions, velocities and spins (`Run.trajectory`).
-      checkpoint: folder that keeps the runs as they go, as for `settle`.
+      checkpoint: folder that keeps the runs every ten frames, as for `settle`.
 
     Raises:
-      InputError: an argument that cannot be used, or a checkpoint of other runs.
-      SimulationError: a bed that does not come to rest, or a run not to be trusted.
+      InputError: an argument cannot be used, or the checkpoint is of other runs.
+      SimulationError: a bed does not come to rest, or a run is not to be trusted.
     """
     refuse_foreign(checkpoint)
     checks.require_class(Recipe, recipe=recipe)
     seeds = tuple(seeds) if isinstance(seeds, Iterable) else (seeds,)
     if not seeds:
         raise InputError("seeds is empty: give at least one")
-    often = Counter(map(str, seeds))
-    for seed, times in often.items():
+    counts = Counter(map(str, seeds))
+    for seed, times in counts.items():
         if times > 1:
             raise InputError(
                 f"seeds: {shown(seed)} is given {times} times, and the same start counts once; "

@@ -32,11 +32,11 @@ from mrjax.simulation.plan import plan_run
 from mrjax.simulation.progress import announce
 
 ALONG = ("heights", "mean_velocity", "mean_speed", "trajectory")
-"""What a run has one of for every frame, beside the times."""
+"""Fields of a run with one entry for every frame, beside the times."""
 FRAMES_AT_ONCE = 10
 FRAMES_AT_REST = 3
 PATIENCE = 20.0
-"""Times the expected duration after which a bed is given up."""
+"""Duration after which a bed is given up, over the expected duration."""
 SKIN = 0.05
 """Reach of the neighbour list beyond contact, contact diameters."""
 SHORTER = 0.7
@@ -57,39 +57,41 @@ def settle(
 ) -> Run:
     """Follows a suspension until its bed rests.
 
-    At the stiffness of real particles that takes 1e12 steps: give parameters that `softened` made.
-    Not for traced calls. Gradients of the curve are those of `simulate` with `duration`, `frames`
-    and `time_step` from the run that this returns. Where `jax.distributed` is initialised, every
-    process makes this call with the same states, follows its share of them, and gets all runs.
+    At the stiffness of real particles this takes 1e12 steps; give parameters from `softened`. The
+    call cannot be traced. Gradients of the curve are those of `simulate` with `duration`, `frames`
+    and `time_step` of the run that this returns. If `jax.distributed` is initialised, every process
+    makes this call with the same states, follows its share of them, and gets all runs.
 
     Args:
-      states: where the particles start; or several such states, of as many particles each, which
-        are followed together until all of them rest.
-      parameters: of particles, fluid and contact.
+      states: state at which the particles start; or several such states, of equally many particles,
+        which are followed together until all of them rest.
+      parameters: parameters of particles, fluid and contact.
       box: the container.
-      frames: recorded in the expected duration; a run has more where it takes longer.
-      rest: mean speed of the particles at which they rest, over that at which one falls alone, or
-        over the greatest there was, if that is less.
-      longest: duration after which to give up, s; left out, 20 times the expected one.
-      checkpoint: folder that keeps every ten frames. Called again with it and the same arguments,
-        on the same machine, the runs go on, and end with the same bits. It stays until it is
-        removed.
-      options: step, neighbour list, local drag, what is recorded and shown: `RunOptions`; here
-        `skin` is 0.05 where it is left out.
+      frames: number of frames recorded in the expected duration; a run that takes longer has more.
+      rest: mean speed of the particles at rest, over the speed at which a particle falls alone, or
+        over the greatest mean speed of the run if that is less.
+      longest: duration after which to give up, s; by default 20 times the expected one.
+      checkpoint: folder that keeps the runs every ten frames. A second call with this folder and
+        the same arguments, on the same machine, continues the runs, which end with the same bits.
+        The folder stays until it is removed.
+      options: step, neighbour list, local drag, forces, records and progress: `RunOptions`; here
+        `skin` is 0.05 by default.
 
     Returns:
-      The run, its observables with a leading axis for several states.
+      The run; for several states its arrays have a leading axis.
 
     Raises:
-      InputError: an argument that cannot be used, or a checkpoint of other runs.
+      InputError: an argument cannot be used, or the checkpoint is of other runs.
       SimulationError: the bed did not come to rest, or the run is not to be trusted; the error
         carries the last good state.
     """
     chosen = RunOptions(**{"skin": SKIN, **options})  # type: ignore[arg-type] # of RunKeywords
     refuse_foreign(checkpoint)
     rest = checks.positive(rest, "rest", "times the falling speed")
-    each = list(states) if isinstance(states, Iterable) else [states]
-    systems = [System.of(state, parameters, box, chosen.hindrance, chosen.forces) for state in each]
+    starts = list(states) if isinstance(states, Iterable) else [states]
+    systems = [
+        System.of(state, parameters, box, chosen.hindrance, chosen.forces) for state in starts
+    ]
     settling = _expected(systems, chosen, frames, rest, longest)
     work = None
     if checkpoint is not None:
@@ -116,7 +118,7 @@ def _expected(
     """Estimates for these suspensions.
 
     Raises:
-      InputError: an argument that cannot be used, or suspensions that do not settle.
+      InputError: an argument cannot be used, or the suspensions do not settle.
     """
     if not systems or len({system.particles for system in systems}) > 1:
         raise InputError("states differ in their number of particles, or there are none")
@@ -146,10 +148,10 @@ def _checkpoint(
     frames: int,
     settling: _Settling,
 ) -> Checkpoint:
-    """The checkpoint of this work.
+    """The checkpoint of these runs.
 
     Raises:
-      InputError: it is of other runs, or of several processes.
+      InputError: the checkpoint is of other runs, or there are several processes.
     """
     if processes.count() > 1:
         raise InputError("checkpoint: is kept by a single process; leave it out")
@@ -169,17 +171,17 @@ def _checkpoint(
         trajectory=options.trajectory,
         states=[state_file.arrays(system.state) for system in systems],
     )
-    work.claim()  # before threads would do so at once
+    work.claim()  # once, before threads would do so side by side
     return work
 
 
 def _settled(
     systems: list[System], options: RunOptions, settling: _Settling, work: Checkpoint | None
 ) -> list[Run]:
-    """All runs to rest; again with a shorter step where one turned out unstable."""
-    at_once = min(len(systems), processes.usable_cores())
-    announce("settle", settling.steps * len(systems) / at_once, systems[0].particles)
-    tried, time_step = 0, settling.time_step
+    """All runs to rest, repeated with a shorter step if one is unstable."""
+    threads = min(len(systems), processes.usable_cores())
+    announce("settle", settling.steps * len(systems) / threads, systems[0].particles)
+    attempt, time_step = 0, settling.time_step
     with interruptible() as stop:
         while True:
             plan = plan_run(
@@ -190,20 +192,20 @@ def _settled(
                 touch=True,
             )
             follow = partial(
-                _until_rest, plan, settling, options.progress, work, f"try-{tried}", stop
+                _until_rest, plan, settling, options.progress, work, f"try-{attempt}", stop
             )
-            found = processes.divided(partial(_side_by_side, follow, stop), systems)
-            runs = [run for run in found if run is not None]
-            if len(runs) == len(found):
+            results = processes.divided(partial(_side_by_side, follow, stop), systems)
+            runs = [run for run in results if run is not None]
+            if len(runs) == len(results):
                 return runs
             time_step = SHORTER * plan.time_step
-            tried += 1
+            attempt += 1
 
 
 def _side_by_side(
     follow: Callable[[int, System], Run | None], stop: Stop, systems: Sequence[System]
 ) -> list[Run | None]:
-    """Follows every suspension, one on each processor: a run is busy outside Python."""
+    """Follows all suspensions in threads, one on each core; runs compute outside Python."""
     runs = [partial(follow, place, system) for place, system in enumerate(systems)]
     if len(runs) <= 1:
         return [run() for run in runs]
@@ -220,10 +222,10 @@ def _until_rest(
     place: int,
     system: System,
 ) -> Run | None:
-    """Ten frames after ten until the particles rest; None where that takes a shorter step."""
-    parts = None if work is None else work.sequence(f"{name}-start-{place}")
+    """The run until the particles rest, ten frames at a time; None if it needs a shorter step."""
+    sequence = None if work is None else work.sequence(f"{name}-start-{place}")
     pieces = PiecewiseRun(system, plan, stop=stop)
-    resume(pieces, parts)
+    resume(pieces, sequence)
     with _bar(progress, place) as bar:
         while not (pieces.place.frame and _rests(pieces, settling, bar)):
             try:
@@ -232,7 +234,7 @@ def _until_rest(
                 if error.faults == Fault.UNSTABLE:
                     return None
                 raise
-            store(pieces, parts)
+            store(pieces, sequence)
     return pieces.run()
 
 
@@ -245,8 +247,8 @@ def _rests(pieces: PiecewiseRun, settling: _Settling, bar: tqdm) -> bool:
     speed = pieces.mean_speed
     fastest, time = speed.max(), pieces.place.frame * pieces.frame_length
     slow = settling.rest * min(settling.falling, fastest)
-    left = speed[-1] / fastest if fastest > 0.0 else 0.0
-    bar.set_postfix_str(f"{time:.3g} s, {left:.2%} of the greatest speed", False)
+    share = speed[-1] / fastest if fastest > 0.0 else 0.0
+    bar.set_postfix_str(f"{time:.3g} s, {share:.2%} of the greatest speed", False)
     bar.update(max(bar.n, _share(speed[-1], fastest, slow)) - bar.n)
     if (speed[-FRAMES_AT_REST:] <= slow).all():
         return True
@@ -259,31 +261,31 @@ def _rests(pieces: PiecewiseRun, settling: _Settling, bar: tqdm) -> bool:
 
 
 def _stacked(runs: list[Run]) -> Run:
-    """Runs side by side; those that rest early keep their last frame."""
+    """Runs stacked along a leading axis; those that rest early repeat their last frame."""
     longest = max(runs, key=lambda run: len(run.times))
-    held = [run.state.contacts for run in runs]
-    slots = max(0 if contacts is None else contacts.partner.shape[1] for contacts in held)
+    histories = [run.state.contacts for run in runs]
+    slots = max(0 if contacts is None else contacts.partner.shape[1] for contacts in histories)
 
-    def alike(run: Run) -> Run:
+    def padded_run(run: Run) -> Run:
         missing = len(longest.times) - len(run.times)
 
-        def lasting(rows: Array) -> Any:
+        def padded(rows: Array) -> Any:
             return jnp.pad(rows, [(0, missing)] + [(0, 0)] * (rows.ndim - 1), mode="edge")
 
         return replace(
             run,
             times=longest.times,
-            **{name: jax.tree.map(lasting, getattr(run, name)) for name in ALONG},
+            **{name: jax.tree.map(padded, getattr(run, name)) for name in ALONG},
             state=replace(run.state, contacts=widened(run.state.contacts, slots)),
             time_step=longest.time_step,
             steps=longest.steps,
         )
 
-    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *map(alike, runs))
+    return jax.tree.map(lambda *leaves: jnp.stack(leaves), *map(padded_run, runs))
 
 
 def _share(speed: float, fastest: float, slow: float) -> float:
-    """Share of the way to rest: speeds fall by about as much in every second, in logarithms."""
+    """Share of the way to rest: the logarithm of the speed falls about linearly in time."""
     if not speed > slow:
         return 1.0
     return float(np.clip(np.log(fastest / speed) / np.log(fastest / slow), 0.0, 1.0))

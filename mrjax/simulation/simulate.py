@@ -33,25 +33,26 @@ def simulate(
 ) -> Run:
     """Follows the particles for a given time.
 
-    Pure: works under `jit`, `grad`, `jvp` and `vmap`, in the dtype of the state. A plain call runs
-    in pieces of a fraction of a second, after each of which Ctrl-C ends it; a traced call is one
-    compiled program. A plain call gives the neighbour list more room, or rebuilds it more often,
-    and repeats a frame where that is what a run needs; a traced call cannot, and returns NaN with
-    the reason in `Run.fault`.
+    The function is pure: it works under `jit`, `grad`, `jvp` and `vmap`, in the dtype of the state.
+    A plain call runs in pieces of a fraction of a second, and Ctrl-C ends it after a piece. A
+    traced call is one compiled program. If the neighbour list is too small or too old, a plain call
+    gives it more room, or rebuilds it more often, and repeats the frame. A traced call cannot do
+    so, and returns NaN with the reason in `Run.fault`.
 
     Args:
-      state: where the particles start, from `disperse` or `place`.
-      parameters: of particles, fluid and contact.
+      state: state at which the particles start, from `disperse` or `place`.
+      parameters: parameters of particles, fluid and contact.
       box: the container.
-      duration: s.
+      duration: duration of the run, s.
       frames: number of times at which observables are recorded, beside the start.
-      options: step, neighbour list, local drag, what is recorded and shown: `RunOptions`.
+      options: step, neighbour list, local drag, forces, records and progress: `RunOptions`.
 
     Raises:
-      InputError: an argument that cannot be used, a step that would be unstable, or a traced value
-        where a concrete one is needed.
-      SimulationError: the run is not to be trusted (plain calls). Says when and to which particle
-        it happened, and what to change; carries the state at the beginning of that frame.
+      InputError: an argument cannot be used, a step would be unstable, or a value is traced where a
+        concrete one is needed.
+      SimulationError: the run is not to be trusted (plain calls). The error says when and to which
+        particle it happened, and what to change. It carries the state at the beginning of that
+        frame.
 
     Example:
       >>> recipe = mrjax.Recipe.load("case2")
@@ -73,7 +74,7 @@ def simulate(
 
 
 def _is_plain(system: System) -> bool:
-    """True if nothing is traced, neither an argument nor what a hindrance closes over."""
+    """True if nothing is traced, neither an argument nor a value that the hindrance closes over."""
     hindrance = system.hindrance
     closed_over = hindrance and not jax.tree.leaves(hindrance)
     value = hindrance(BED_FRACTION) if hindrance and closed_over else None
@@ -81,7 +82,7 @@ def _is_plain(system: System) -> bool:
 
 
 def _traced(system: System, plan: RunPlan) -> Run:
-    """The run as one program; with larger buffers and again, where a derivative needs that."""
+    """The run as one program, repeated with larger buffers if its values are known."""
     while True:
         run = run_once(system, plan)
         fault = value_or_none(run.fault)
@@ -95,5 +96,5 @@ def _traced(system: System, plan: RunPlan) -> Run:
 
 
 def _values(tree: Any) -> Any:
-    """Values of a differentiated call, without derivatives."""
+    """Values of a call that is being differentiated, without derivatives."""
     return jax.tree.map(lambda leaf: jnp.asarray(value_or_none(leaf)), tree)

@@ -1,9 +1,9 @@
-"""Softer contacts on purpose, so that a bed can be followed with longer steps.
+"""Softens contacts, so that a bed can be followed with longer steps.
 
 A 4 um iron particle at rest overlaps its neighbour by 1e-7 of its radius, and at that stiffness the
-settling of a 50 um box would take 1e12 steps. Where inertia plays no part the stiffness does not
-either, as long as overlaps stay small: `softened` divides the moduli of particles and walls by one
-factor, chosen from the greatest overlap that is allowed. What contacts dissipate is then lost
+settling of a 50 um box would take 1e12 steps. Without inertia the stiffness does not matter, as
+long as overlaps stay small. `softened` divides the moduli of particles and walls by one factor,
+chosen from the greatest overlap that is allowed. The dissipation of contacts is then negligible
 beside the drag, and is left out of the program.
 """
 
@@ -25,26 +25,26 @@ FORCE_CHAINS = 4.5
 """Greatest contact force at the floor of a random bed over the mean load of a particle there."""
 
 IDLE = 1e-3
-"""Share of a contact's dashpot in the drag below which it is left out."""
+"""Ratio of a contact's dashpot to the drag below which the dashpot is left out."""
 
 
 def softened(parameters: Parameters, box: Box, particles: int, overlap: float) -> Parameters:
     """The parameters with moduli lowered until a settled bed overlaps by about `overlap`.
 
-    Never stiffer than they were. Particles lighter than the fluid make their bed under the lid.
-    Dissipation and restitution are left out where, at that overlap,
-    their dashpots are less than a thousandth of the drag: a particle in oil does not bounce. Not
-    derived through: the factor is a number.
+    The moduli are never raised. Particles lighter than the fluid make their bed under the lid.
+    Dissipation and restitution are left out if, at that overlap, their dashpots are less than a
+    thousandth of the drag: a particle in oil does not bounce. The factor is a number, through which
+    no derivative goes.
 
     Args:
-      parameters: of the run; their moduli, weight and radius must be concrete.
-      box: the container; walls at its sides carry nothing here.
+      parameters: parameters of the run; their moduli, weight and radius must be concrete.
+      box: the container; its side walls are taken to carry no load.
       particles: N.
       overlap: greatest overlap of a contact at rest, as a fraction of the largest contact radius.
 
     Raises:
-      InputError: an overlap that is not between 0 and 0.1, particles without a net weight, which
-        make no bed, or parameters that are traced.
+      InputError: the overlap is not between 0 and 0.1, the particles have no net weight and make no
+        bed, or the parameters are traced.
 
     Example:
       >>> recipe = mrjax.Recipe.load("case2")
@@ -63,10 +63,10 @@ def softened(parameters: Parameters, box: Box, particles: int, overlap: float) -
             f"overlap = {overlap:g} contact radii: give at most {MOST_OVERLAP}, better 0.02"
         )
     law = partial(_factor, box=box, particles=particles, overlap=overlap)
-    found = evaluated_or_none(partial(evaluate_with_numpy, law), drop_tracers(parameters))
-    if found is None:
+    value = evaluated_or_none(partial(evaluate_with_numpy, law), drop_tracers(parameters))
+    if value is None:
         raise InputError("the parameters are traced by jit or vmap; soften them outside")
-    factor = float(found)
+    factor = float(value)
     if not factor > 0.0:
         raise InputError(
             "nothing presses the particles into a bed: gravity or the net weight is zero; soften "
@@ -85,28 +85,28 @@ def softened(parameters: Parameters, box: Box, particles: int, overlap: float) -
 
 
 def _factor(numbers: Parameters, box: Box, particles: int, overlap: float) -> Array:
-    """On the moduli, at most 1, ()."""
+    """Factor on the moduli, at most 1, ()."""
     largest = jnp.max(particle.outer_radius(numbers))
     expected = resting_overlap(numbers, box, particles)
-    # Hertz: the overlap under a load goes with E^(-2/3).
+    # Hertz: the overlap under a load is proportional to E^(-2/3).
     return jnp.minimum(1.0, (expected / (overlap * largest)) ** 1.5)
 
 
 def _idle(numbers: Parameters, overlap: float) -> Array:
-    """True if all dashpots are lost beside the drag at this overlap, in contact radii; ()."""
+    """True if all dashpots are negligible beside the drag at this overlap, in contact radii; ()."""
     dashpots = time_scales.dashpots(numbers, overlap * jnp.max(particle.outer_radius(numbers)))
     return jnp.all(dashpots < IDLE * drag.coefficient(numbers))
 
 
 def resting_overlap(numbers: Parameters, box: Box, particles: int) -> Array:
-    """Deepest overlap to be expected in a bed of N particles at rest, m, ().
+    """Deepest overlap expected in a bed of N particles at rest, m, ().
 
-    Those that sink press on the floor, those that rise on the lid.
+    Particles that sink press on the floor, particles that rise on the lid.
     """
     radius = per_particle(particle.outer_radius(numbers), particles)
     weight = per_particle(particle.net_weight(numbers), particles)
     pressing = jnp.maximum(jnp.sum(jnp.maximum(weight, 0.0)), jnp.sum(jnp.maximum(-weight, 0.0)))
-    # All that lies on an area as wide as the largest particle.
+    # Weight of all particles above an area as wide as the largest particle.
     above = pressing * (2.0 * jnp.max(radius)) ** 2 / (box.size[0] * box.size[1])
     load = FORCE_CHAINS * jnp.maximum(above, jnp.max(jnp.abs(weight)))
     return time_scales.expected_overlap(numbers, load, 0.0)

@@ -1,6 +1,6 @@
-"""Processes that compute together: each connected to the first, none left waiting for a dead one.
+"""Processes that compute together: each is connected to process 0, and none waits for a dead one.
 
-`meet` brings them together into a `Group`; `timing` says how long each waits.
+`meet` connects them into a `Group`; `timing` has the times that each waits.
 """
 
 from mrjax.simulation.partners import timing as timing

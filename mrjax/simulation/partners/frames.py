@@ -5,9 +5,9 @@ import struct
 from collections.abc import Iterator
 
 HELLO_BYTES = 1000
-"""Longest frame of a process that is not known yet."""
+"""Greatest length of a frame from a process that is not admitted yet."""
 MOST_BYTES = 2**36
-"""Longest frame."""
+"""Greatest length of a frame."""
 BLOCK = 2**20
 HELLO, WELCOME, NO, DATA, ALIVE, BYE, LOST = b"HWNDABL"
 """Kinds of frames."""
@@ -17,15 +17,16 @@ FRAME = struct.Struct("!BQ")
 def send(connected: socket.socket, kind: int, content: bytes) -> None:
     """Sends one frame, in blocks that each have the socket's time limit."""
     connected.sendall(FRAME.pack(kind, len(content)))
-    for at in range(0, len(content), BLOCK):
-        connected.sendall(content[at : at + BLOCK])
+    for offset in range(0, len(content), BLOCK):
+        connected.sendall(content[offset : offset + BLOCK])
 
 
 def frames(connected: socket.socket, most: int) -> Iterator[tuple[int, bytes]]:
-    """Yields kind and content of each frame, until the other closes the connection.
+    """Yields kind and content of each frame, until the other process closes the connection.
 
     Raises:
-      OSError: it is lost, silent for too long, or sends more than `most` bytes at once.
+      OSError: the other process is lost, silent for too long, or sends a frame of more than `most`
+        bytes.
     """
     while head := _received(connected, FRAME.size):
         if len(head) < FRAME.size:
@@ -40,9 +41,9 @@ def frames(connected: socket.socket, most: int) -> Iterator[tuple[int, bytes]]:
 
 
 def _received(connected: socket.socket, length: int) -> bytes:
-    """The next `length` bytes, or fewer where the other has closed the connection."""
-    parts, missing = [], length
-    while missing and (part := connected.recv(min(missing, BLOCK))):
-        parts.append(part)
-        missing -= len(part)
-    return b"".join(parts)
+    """The next `length` bytes, or fewer if the other process has closed the connection."""
+    blocks, missing = [], length
+    while missing and (block := connected.recv(min(missing, BLOCK))):
+        blocks.append(block)
+        missing -= len(block)
+    return b"".join(blocks)

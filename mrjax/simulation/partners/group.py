@@ -1,4 +1,4 @@
-"""The connections of one process with the others: exchange of contents, signs of life, losses.
+"""The connections of one process with the others: exchange of messages, signs of life, losses.
 
 A process that dies closes its connection; one whose machine is gone falls silent.
 """
@@ -21,7 +21,7 @@ REFUSED = 3
 
 
 class Group:
-    """The processes of one computation, as this one sees them."""
+    """The processes of one computation, as connections of this process."""
 
     def __init__(self, number: int, count: int, sockets: dict[int, socket.socket]) -> None:
         self.number, self.count = number, count
@@ -34,10 +34,10 @@ class Group:
         threading.Thread(target=self._beat, daemon=True).start()
 
     def gather(self, mine: bytes) -> list[bytes]:
-        """Exchanges one content of each process; returns all, in their order, on every process.
+        """Exchanges one message of each process; returns all, in order of number, on every process.
 
         Raises:
-          SystemRefusal: one of them is lost.
+          SystemRefusal: a process is lost.
         """
         if self.number == 0:
             shares = [mine, *(self.links[other].next() for other in range(1, self.count))]
@@ -53,13 +53,14 @@ class Group:
         self.has_left = True
         for link in self.links.values():
             link.send(BYE, b"")
-        if self.number:  # else the first, while busy with the others, would find this one gone
+        # Otherwise process 0, while busy with the others, would take this process for lost.
+        if self.number:
             with suppress(queue.Empty):
                 while self.links[0].arrived.get(timeout=timing.GRACE) is not None:
                     pass
 
     def lose(self, reason: str) -> None:
-        """Ends this process, at once or after `timing.GRACE`, and has the first tell the others."""
+        """Ends this process, at once or after `timing.GRACE`; process 0 tells the others."""
         with self._lock:
             if self.has_left or self.lost_reason:
                 return
@@ -74,7 +75,7 @@ class Group:
             link.arrived.put(None)
 
     def refusal(self) -> SystemRefusal:
-        """The error of this process where it waits for another that is lost."""
+        """The error of this process when it waits for another that is lost."""
         self.reported = True
         return SystemRefusal(
             f"{self.lost_reason or 'another process ended'}; nothing of this run is kept: start "
@@ -104,7 +105,7 @@ class Link:
         connected.settimeout(timing.SILENCE)
 
     def send(self, kind: int, content: bytes) -> None:
-        """Sends a frame; that the other is gone, `receive` finds out."""
+        """Sends a frame; `receive` finds out if the other process is gone."""
         try:
             with self._lock:
                 send(self.socket, kind, content)
@@ -113,10 +114,10 @@ class Link:
                 self.socket.shutdown(socket.SHUT_RDWR)
 
     def next(self) -> bytes:
-        """The next content that arrives.
+        """The content of the next message.
 
         Raises:
-          SystemRefusal: this or another process is lost.
+          SystemRefusal: the other process, or a third one, is lost.
         """
         content = self.arrived.get()
         if content is None:
@@ -124,7 +125,7 @@ class Link:
         return content
 
     def receive(self) -> None:
-        """Takes frames until the other leaves or is lost."""
+        """Receives frames until the other process leaves or is lost."""
         who = f"process {self.number} of {self.group.count}"
         try:
             for kind, content in frames(self.socket, MOST_BYTES):

@@ -1,4 +1,4 @@
-"""The meeting of processes: the first waits for all others, each tells its number and version."""
+"""Connects processes: process 0 waits for all others, and each sends its number and version."""
 
 import json
 import socket
@@ -12,36 +12,35 @@ from mrjax.simulation.partners.group import Group
 
 
 def meet(address: str, count: int, number: int) -> Group:
-    """Connects all processes, and waits until they are there.
+    """Connects all processes, and waits until all are there.
 
     Args:
       address: HOST:PORT of process 0.
-      count: of the processes.
-      number: of this one.
+      count: number of processes.
+      number: number of this process.
 
     Raises:
-      InputError: they do not fit together.
-      OSError, ValueError: they cannot be reached, or do not come.
+      InputError: the processes differ in version or count, or a number is wrong or taken.
+      OSError, ValueError: a process cannot be reached, or does not come.
     """
     host, _, port = address.rpartition(":")
     if not int(port) < 2**16:
         raise ValueError(f"{port} is no port")
-    until = time.monotonic() + timing.PATIENCE
+    deadline = time.monotonic() + timing.PATIENCE
     if number == 0:
-        return Group(number, count, _accepted_callers(int(port), count, until))
-    return Group(
-        number, count, {0: _connected_to_first(host.strip("[]"), int(port), count, number, until)}
-    )
+        return Group(number, count, _accepted_callers(int(port), count, deadline))
+    first = _connected_to_first(host.strip("[]"), int(port), count, number, deadline)
+    return Group(number, count, {0: first})
 
 
-def _accepted_callers(port: int, count: int, until: float) -> dict[int, socket.socket]:
+def _accepted_callers(port: int, count: int, deadline: float) -> dict[int, socket.socket]:
     """Connections of process 0 with all others, by their numbers."""
     callers: dict[int, socket.socket] = {}
-    both = socket.has_dualstack_ipv6()
-    family = socket.AF_INET6 if both else socket.AF_INET
-    with socket.create_server(("", port), family=family, dualstack_ipv6=both) as server:
+    dual_stack = socket.has_dualstack_ipv6()
+    family = socket.AF_INET6 if dual_stack else socket.AF_INET
+    with socket.create_server(("", port), family=family, dualstack_ipv6=dual_stack) as server:
         while len(callers) < count - 1:
-            server.settimeout(max(0.01, until - time.monotonic()))
+            server.settimeout(max(0.01, deadline - time.monotonic()))
             try:
                 caller, _ = server.accept()
             except TimeoutError:
@@ -56,7 +55,7 @@ def _accepted_callers(port: int, count: int, until: float) -> dict[int, socket.s
 
 
 def _admit(caller: socket.socket, count: int, callers: dict[int, socket.socket]) -> None:
-    """Adds a process of this computation to the callers; says no to any other."""
+    """Adds a process of this computation to the callers; refuses any other."""
     try:
         caller.settimeout(5.0)
         kind, content = next(frames(caller, HELLO_BYTES))
@@ -76,15 +75,15 @@ def _admit(caller: socket.socket, count: int, callers: dict[int, socket.socket])
             callers[number] = caller
             return
         send(caller, NO, reason.encode())
-    except Exception:  # a stranger, who may say anything
+    except Exception:  # an unknown program may send anything
         pass
     caller.close()
 
 
 def _connected_to_first(
-    host: str, port: int, count: int, number: int, until: float
+    host: str, port: int, count: int, number: int, deadline: float
 ) -> socket.socket:
-    """The connection of another process with process 0, once all are there."""
+    """The connection of another process with process 0, after all processes have come."""
     while True:
         try:
             caller = socket.create_connection((host, port), timeout=10.0)
@@ -92,7 +91,7 @@ def _connected_to_first(
         except socket.gaierror:
             raise
         except OSError:
-            if time.monotonic() > until:
+            if time.monotonic() > deadline:
                 raise
         time.sleep(0.1)
     hello = {"mrjax": version("mrjax"), "count": count, "number": number}
