@@ -50,7 +50,7 @@ def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
 
 
 def notes(recipe: Recipe) -> list[str]:
-    """Remarks on assumptions, inconsistencies, and quantities that `derived` leaves out, and why."""
+    """Remarks on assumptions, inconsistencies and quantities that `derived` leaves out, and why."""
     lacking = contacts.missing(recipe)
     omissions = [f"times and steps of contacts are left out: {lacking}"] if lacking else []
     return [*recipe.notes, *recipe.contact_notes, *omissions]
