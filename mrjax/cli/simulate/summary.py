@@ -3,6 +3,7 @@
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 
 import mrjax
 from mrjax import Run, Sedimentation, State
@@ -92,7 +93,8 @@ def _at_rest(whole: Sedimentation) -> dict[str, Any]:
     @jax.jit
     @jax.vmap
     def coordination_number(state: State) -> jax.Array:
-        return mrjax.coordination_number(state, whole.parameters, whole.run.box)
+        count = mrjax.coordination_number(state, whole.parameters, whole.run.box)
+        return jnp.where(count < 0, jnp.nan, count)  # no room in a traced call
 
     contacts = coordination_number(whole.run.state)
     return {

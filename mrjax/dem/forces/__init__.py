@@ -1,4 +1,4 @@
-"""Forces on the particles: contact and gravity, one file each; `force` has the base classes.
+"""Forces on the particles, one file each; `force` has the base classes.
 
 Drag is linear in velocity and spin, and the integrator solves it exactly. The magnetic and the weak
 forces of Eq. 1 (Son 2018) are left out, as in the paper.
