@@ -17,6 +17,7 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike, DTypeLike
 
+from mrjax.core.quantities import dimension, reduced
 from mrjax.core.units import Units
 
 T = TypeVar("T", bound=type)
@@ -25,9 +26,6 @@ T = TypeVar("T", bound=type)
 def _quantity(
     unit: str,
     about: str,
-    mass: int = 0,
-    length: int = 0,
-    time: int = 0,
     above: float = -math.inf,
     least: float = -math.inf,
     most: float = sys.float_info.max,
@@ -36,7 +34,7 @@ def _quantity(
     contact: bool = False,
     **keywords: Any,
 ) -> Any:
-    """Declares a leaf: its unit, its description, its dimension in kg, m and s, and its bounds.
+    """Declares a leaf: its unit, from which its dimension follows, its description, and its bounds.
 
     `pair`: the leaf is a property of two surfaces, not of one. `wall`: it is a property of the
     walls, which are all alike. `contact`: only particles in contact use it; NaN if it is unknown.
@@ -44,7 +42,7 @@ def _quantity(
     metadata = {
         "unit": unit,
         "about": about,
-        "dimension": (mass, length, time),
+        "dimension": dimension(unit),
         "pair": pair,
         "wall": wall,
         "contact": contact,
@@ -81,33 +79,23 @@ class Parameters:
     dry collision.
     """
 
-    radius: ArrayLike = _quantity(
-        "m", "R, radius of the uncoated particle (Eq. 3).", length=1, above=0.0
-    )
+    radius: ArrayLike = _quantity("m", "R, radius of the uncoated particle (Eq. 3).", above=0.0)
     particle_density: ArrayLike = _quantity(
         "kg/m^3",
         "rho_p, density of the uncoated particle (Eqs. 3, 20).",
-        mass=1,
-        length=-3,
         above=0.0,
     )
     fluid_density: ArrayLike = _quantity(
-        "kg/m^3", "rho_f, density of the fluid (Eqs. 9, 11, 21, 23).", mass=1, length=-3, least=0.0
+        "kg/m^3", "rho_f, density of the fluid (Eqs. 9, 11, 21, 23).", least=0.0
     )
     viscosity: ArrayLike = _quantity(
         "Pa s",
         "mu of the base fluid, without additives (Eqs. 10, 18, 24).",
-        mass=1,
-        length=-1,
-        time=-1,
         least=0.0,
     )
     elastic_modulus: ArrayLike = _quantity(
         "Pa",
         "E of the surfaces in contact (Eqs. 5, 8, 26).",
-        mass=1,
-        length=-1,
-        time=-2,
         above=0.0,
         contact=True,
     )
@@ -117,9 +105,6 @@ class Parameters:
     wall_elastic_modulus: ArrayLike = _quantity(
         "Pa",
         "E of the walls, infinite for rigid ones; one number (Eqs. 5, 8).",
-        mass=1,
-        length=-1,
-        time=-2,
         default=jnp.inf,
         above=0.0,
         most=math.inf,
@@ -150,11 +135,9 @@ class Parameters:
         most=1.0,
         pair=True,
     )
-    dissipation: ArrayLike = _quantity(
-        "s", "A of Eq. 4.", time=1, default=0.0, least=0.0, pair=True
-    )
+    dissipation: ArrayLike = _quantity("s", "A of Eq. 4.", default=0.0, least=0.0, pair=True)
     tangential_dissipation: ArrayLike = _quantity(
-        "s", "B of Eq. 7.", time=1, default=0.0, least=0.0, pair=True
+        "s", "B of Eq. 7.", default=0.0, least=0.0, pair=True
     )
     rolling_friction: ArrayLike = _quantity(
         "1",
@@ -170,9 +153,7 @@ class Parameters:
         least=0.0,
         pair=True,
     )
-    gravity: ArrayLike = _quantity(
-        "m/s^2", "g, along -z (Eqs. 9, 22, 23).", length=1, time=-2, default=9.81
-    )
+    gravity: ArrayLike = _quantity("m/s^2", "g, along -z (Eqs. 9, 22, 23).", default=9.81)
     added_mass: ArrayLike = _quantity(
         "1",
         "Added mass over displaced fluid mass: 1/2 for a sphere (Eqs. 11, 21), 0 without it.",
@@ -182,8 +163,6 @@ class Parameters:
     coating_density: ArrayLike = _quantity(
         "kg/m^3",
         "rho_c, density of the coating (Eq. 20); no effect if f_r = 1.",
-        mass=1,
-        length=-3,
         default=0.0,
         least=0.0,
     )
@@ -222,14 +201,7 @@ class Parameters:
 
     def reduced(self, units: Units) -> "Parameters":
         """Returns the parameters in the reduced units of a run."""
-        return dataclasses.replace(
-            self,
-            **{
-                quantity.name: getattr(self, quantity.name)
-                * (1.0 / units.scale(quantity.metadata["dimension"]))
-                for quantity in dataclasses.fields(self)
-            },
-        )
+        return reduced(self, units)
 
 
 def per_particle(leaf: Array, particles: int) -> Array:

@@ -44,7 +44,8 @@ def dimension(unit: str) -> Dimension:
         if name not in UNITS:
             raise ValueError(f"unit {name!r} of {unit!r}: give one of {', '.join(UNITS)}")
         exponent = int(power or 1) * (-1 if divides else 1)
-        total = [sum_ + exponent * one for sum_, one in zip(total, UNITS[name], strict=True)]
+        exponents = zip(total, UNITS[name], strict=True)
+        total = [earlier + exponent * own for earlier, own in exponents]
     mass, length, time = total
     return mass, length, time
 
