@@ -6,7 +6,6 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import Array
 
 from mrjax.core.parameters import Parameters
@@ -61,10 +60,7 @@ class CoefficientArrays:
         alike = force.alike(parameters, material)
         surfaces = SurfacePairs(*pairs.surfaces, material, coated)
         if alike:
-            walled = pairs.wall is not None
-            anyone = jnp.zeros(1 + walled, jnp.int32)
-            wall = np.array([False, True]) if walled else None
-            surfaces = SurfacePairs(anyone, anyone, wall, None, coated)
+            surfaces = SurfacePairs.by_kind(pairs.wall is not None, coated)
         leaves, structure = jax.tree.flatten(force.coefficients(parameters, surfaces))
         own, tree = jax.tree.flatten(force)
         numbers = tuple(jnp.ndim(leaf) == 0 for leaf in own)
@@ -109,7 +105,7 @@ class CoefficientArrays:
         leaves = [
             by_leaf[n] if n in by_leaf else next(equal) for n in range(self.structure.num_leaves)
         ]
-        force = self.force.unflatten([next(equal) if one else None for one in self.numbers])
+        force = self.force.unflatten([next(equal) if number else None for number in self.numbers])
         return force, self.structure.unflatten(leaves)
 
     def equal_radius(self, shared: Sequence[Vector]) -> Array:

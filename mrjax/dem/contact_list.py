@@ -19,7 +19,7 @@ from mrjax.core.units import Units
 from mrjax.dem import contact_history, neighbours, schedule
 from mrjax.dem.contact_history import ParticleHistory
 from mrjax.dem.force_bounds import plan_reach
-from mrjax.dem.forces import Force
+from mrjax.dem.forces import Force, pair_forces
 from mrjax.dem.pair_forces import PairForces, PairForceSums, memory_of
 from mrjax.dem.pairs import WALL_COUNT, Pairs, list_pairs
 from mrjax.dem.plan import EngineSettings, Matter, System
@@ -138,10 +138,11 @@ def _moment(system: System) -> tuple[Pairs, PairForceSums, Units]:
     checks.refuse_bad_parameters(
         parameters, state.particles, state.material, contacts=system.in_contact
     )
-    radius = evaluated_or_none(particle.outer_radius, drop_tracers(parameters))
+    numbers = drop_tracers(parameters)
+    radius = evaluated_or_none(particle.outer_radius, numbers)
     diameter = schedule.contact_diameter(state, radius, slack=0.0)
     checks.refuse_close_walls(box, diameter)
-    length, reach = diameter / 2, plan_reach(system)
+    length, reach = diameter / 2, plan_reach(system, numbers)
     units = Units(mass=1000.0 * length**3, length=length, time=length)
     matter = Matter(
         reduced_parameters(parameters, units, state),
@@ -160,7 +161,7 @@ def _moment(system: System) -> tuple[Pairs, PairForceSums, Units]:
     )
     while True:
         slots = settings.neighbour_list.capacity + 2 * len(box.walled_axes)
-        moment = reduced_state(state, units, slots, memory_of(matter.pair_forces))
+        moment = reduced_state(state, units, slots, memory_of(matter.forces))
         pairs, sums = _exerted(*moment, matter, settings=settings)
         overflow = value_or_none(pairs.overflow)
         if overflow is None or not overflow:
@@ -186,7 +187,7 @@ def _exerted(
     around = neighbours.build(plan, box, position.T)
     pairs = list_pairs(around, box, position, radii, listed_gap, plan.pairs)
     law = PairForces(
-        matter.pair_forces,
+        pair_forces(matter.forces),
         parameters,
         reach=settings.reach,
         material=matter.material,

@@ -5,6 +5,7 @@ interval begins with a check of the list, which is rebuilt if necessary. Then a 
 steps follows. The compiled loops over intervals and frames are in `scan`.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -25,7 +26,13 @@ from mrjax.dem.contact_history import (
     pairs_from_particles,
     particles_from_pairs,
 )
-from mrjax.dem.forces import Particles
+from mrjax.dem.forces import (
+    BodyForce,
+    Particles,
+    body_forces,
+    greatest_overlap,
+    pair_forces,
+)
 from mrjax.dem.integrator import Kick
 from mrjax.dem.kinematics import PairKinematics, ParticleState, pair_kinematics
 from mrjax.dem.pair_forces import PairForces, total_stiffness
@@ -94,10 +101,15 @@ class StepCoefficients(NamedTuple):
 
     keep: Array  # factor of the velocity over a step of drag
     keep_spin: Array  # factor of the spin over a step of drag
-    gains: Array  # `gain` and `gain_spin`, stacked
+    gains: Array  # changes of velocity per force and of spin per torque, stacked
     falling: Array  # change of velocity by steady forces, (3, N)
-    gain: Array  # change of velocity per force, () or (N,)
-    gain_spin: Array  # change of spin per torque, () or (N,)
+
+
+class BodyWrench(NamedTuple):
+    """Body forces and torques on every particle, (3, N) each."""
+
+    force: Array
+    torque: Array | None  # None if no force has a torque
 
 
 class Steps(NamedTuple):
@@ -130,14 +142,15 @@ class Engine:
         parameters = matter.parameters
         self.coated = particle.coated_particle(parameters)
         self.pair_forces = PairForces(
-            matter.pair_forces,
+            pair_forces(matter.forces),
             parameters,
             reach=settings.reach,
             material=matter.material,
             coated=self.coated,
         )
-        self.steady_force = self._steady_force()
-        self.moving_forces = [force for force in matter.body_forces if not force.steady]
+        bodies = body_forces(matter.forces)
+        self.steady = self._total_wrench([force for force in bodies if force.steady])
+        self.unsteady_forces = [force for force in bodies if not force.steady]
         self.radius = per_particle(self.coated.radius, particles)
         self.listed_gap = settings.neighbour_list.cutoff - 2.0 * jnp.max(self.radius)
         self.skin_left = self.listed_gap - self.reach if self.reach else self.listed_gap
@@ -222,10 +235,15 @@ class Engine:
                     half_way, velocity, now.spin, now.history, now.deepest, at.gains
                 )
                 added, turned = at.falling + sums.force, sums.torque
-                if self.moving_forces:
+                torques = [self.steady.torque]
+                if self.unsteady_forces:
                     moment = Particles(origin + half_way, velocity, now.spin)
-                    pushed, spun = self._body_kicks(moment, at)
-                    added, turned = added + pushed, turned + spun
+                    unsteady = self._total_wrench(self.unsteady_forces, moment)
+                    added += jnp.atleast_2d(at.gains[0]) * unsteady.force
+                    torques.append(unsteady.torque)
+                for torque in torques:
+                    if torque is not None:
+                        turned += jnp.atleast_2d(at.gains[1]) * torque
                 return at.keep, added, (sums, turned, at.keep_spin)
 
             half_way, velocity, (sums, turned, keep_spin) = integrator.step(
@@ -290,10 +308,8 @@ class Engine:
         return overlap, jnp.max(depth)
 
     def _faults(self, motion: Motion, overlap: Array, coating: Array) -> Array:
-        deepest = min((force.greatest_overlap for force in self.pair_forces.forces), default=np.inf)
-        return motion.fault | _faults_of_motion(
-            self.settings.box, motion, overlap > deepest, coating
-        )
+        too_deep = overlap > greatest_overlap(self.matter.forces)
+        return motion.fault | _faults_of_motion(self.settings.box, motion, too_deep, coating)
 
     def _kicks(self, position: Array | None = None) -> tuple[Kick, Kick]:
         """Coefficients of a step for velocities and spins; with hindrance, by local drag."""
@@ -306,31 +322,22 @@ class Engine:
     def _step_coefficients(self, position: Array | None = None) -> StepCoefficients:
         straight, turning = self._kicks(position)
         gains = jnp.stack(jnp.broadcast_arrays(straight.gain, turning.gain))
-        falling = jnp.atleast_2d(straight.gain) * self.steady_force
-        return StepCoefficients(
-            straight.keep, turning.keep, gains, falling, straight.gain, turning.gain
-        )
+        falling = jnp.atleast_2d(straight.gain) * self.steady.force
+        return StepCoefficients(straight.keep, turning.keep, gains, falling)
 
-    def _steady_force(self) -> Array:
-        """Sum of the steady body forces, (3, N)."""
+    def _total_wrench(
+        self, forces: Sequence[BodyForce], particles: Particles | None = None
+    ) -> BodyWrench:
+        """Sum of body forces and torques; steady ones need no positions."""
         nowhere = jnp.zeros((3, self.particles), self.dtype)
-        particles = Particles(nowhere, nowhere, nowhere)
-        steady = [
-            jnp.asarray(force(self.matter.parameters, particles).force)
-            for force in self.matter.body_forces
-            if force.steady
-        ]
-        return sum(steady[1:], steady[0]) if steady else nowhere
-
-    def _body_kicks(self, particles: Particles, at: StepCoefficients) -> tuple[Array, Array]:
-        """Changes of velocity and spin in a step by the unsteady body forces, (3, N) each."""
-        pushed = spun = jnp.zeros_like(particles.velocity)
-        for force in self.moving_forces:
-            wrench = force(self.matter.parameters, particles)
-            pushed += jnp.atleast_2d(at.gain) * jnp.asarray(wrench.force)
-            if wrench.torque is not None:
-                spun += jnp.atleast_2d(at.gain_spin) * jnp.asarray(wrench.torque)
-        return pushed, spun
+        moment = Particles(nowhere, nowhere, nowhere) if particles is None else particles
+        wrenches = [force(self.matter.parameters, moment) for force in forces]
+        pushes = [jnp.asarray(wrench.force) for wrench in wrenches]
+        torques = [jnp.asarray(wrench.torque) for wrench in wrenches if wrench.torque is not None]
+        return BodyWrench(
+            sum(pushes[1:], pushes[0]) if pushes else nowhere,
+            sum(torques[1:], torques[0]) if torques else None,
+        )
 
     def _list_at(self, position: Array) -> tuple[Pairs, Array, Array]:
         """Returns the pair list at these positions, the positions, and displacements of zero.

@@ -13,7 +13,15 @@ from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.core.parameters import Parameters
 from mrjax.core.state import State
 from mrjax.core.tracing import drop_tracers, evaluated_or_none
-from mrjax.dem.forces import BodyForce, Contact, Gravity, PairForce, Particles
+from mrjax.dem.forces import (
+    BodyForce,
+    Contact,
+    Gravity,
+    PairForce,
+    Particles,
+    body_forces,
+    pair_forces,
+)
 from mrjax.dem.kinematics import PairKinematics, ParticleState, pair_kinematics
 from mrjax.dem.pair_forces import over_pairs
 from mrjax.dem.plan import System
@@ -30,27 +38,35 @@ SAMPLED = 64
 """Largest number of sampled particles; they are evenly spaced in the order of size."""
 
 
-def force_bounds(system: System, reach: tuple[float, ...]) -> ForceBounds:
+def force_bounds(system: System, numbers: Parameters, reach: tuple[float, ...]) -> ForceBounds:
     """Bounds on the forces of a system; forces that depend on traced values are left out.
 
     Args:
       system: the system, in SI.
+      numbers: its parameters without tracers.
       reach: reach of each pair force, m.
     """
-    state, numbers = system.state, drop_tracers(system.parameters)
     stiffness = pair_force = acceleration = 0.0
-    for force, gap in zip(system.pair_forces, reach, strict=True):
+    for force, gap in zip(pair_forces(system.forces), reach, strict=True):
         if not isinstance(force, Contact):
-            greatest = evaluated_or_none(_of_pair, drop_tracers(force), numbers, state, gap)
+            greatest = evaluated_or_none(_of_pair, drop_tracers(force), numbers, system.state, gap)
             if greatest is not None:
                 stiffness += float(greatest[0])
                 pair_force += float(greatest[1])
-    for body_force in system.body_forces:
-        if not isinstance(body_force, Gravity):
-            known = drop_tracers(body_force), numbers, drop_tracers(state)
-            fastest = evaluated_or_none(_of_bodies, *known)
-            acceleration += 0.0 if fastest is None else float(fastest)
+    for body_force in beside_weight(system):
+        known = drop_tracers(body_force), numbers, drop_tracers(system.state)
+        fastest = evaluated_or_none(_of_bodies, *known)
+        acceleration += 0.0 if fastest is None else float(fastest)
     return ForceBounds(stiffness, pair_force, acceleration)
+
+
+def beside_weight(system: System) -> list[BodyForce]:
+    """Body forces other than a weight along z, which the parameters give."""
+    return [
+        force
+        for force in body_forces(system.forces)
+        if not isinstance(force, Gravity) or force.vector is not None
+    ]
 
 
 def _of_pair(
@@ -97,24 +113,27 @@ def _of_bodies(force: BodyForce, numbers: Parameters, state: State) -> Array:
     return jnp.max(jnp.sqrt(jnp.sum(pushed**2, axis=0)) / particle.inertia(numbers))
 
 
-def plan_reach(system: System) -> tuple[float, ...]:
+def plan_reach(system: System, numbers: Parameters) -> tuple[float, ...]:
     """Evaluates the reach of each pair force, m.
+
+    Args:
+      system: the system, in SI.
+      numbers: its parameters without tracers.
 
     Raises:
       InputError: a reach is traced, or is not a length.
     """
-    reach = []
-    for force in system.pair_forces:
-        name, known = (
-            type(force).__name__,
-            evaluated_or_none(drop_tracers(force).reach, drop_tracers(system.parameters)),
+    return tuple(_reach(force, numbers) for force in pair_forces(system.forces))
+
+
+def _reach(force: PairForce, numbers: Parameters) -> float:
+    name = type(force).__name__
+    reach = evaluated_or_none(drop_tracers(force).reach, numbers)
+    if reach is None:
+        raise InputError(
+            f"the reach of {name} is traced by jit or vmap; it fixes the neighbour list, so "
+            "let reach() give a number in m that does not depend on traced values"
         )
-        if known is None:
-            raise InputError(
-                f"the reach of {name} is traced by jit or vmap; it fixes the neighbour list, so "
-                "let reach() give a number in m that does not depend on traced values"
-            )
-        if not 0.0 <= known <= LARGEST:
-            raise InputError(f"the reach of {name} is {known:g} m: give a length, 0 for contact")
-        reach.append(float(known))
-    return tuple(reach)
+    if not 0.0 <= reach <= LARGEST:
+        raise InputError(f"the reach of {name} is {reach:g} m: give a length, 0 for contact")
+    return float(reach)

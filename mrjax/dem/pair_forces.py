@@ -15,8 +15,7 @@ from jax import Array, lax
 from mrjax.core.parameters import Parameters
 from mrjax.dem.coefficients import CoefficientArrays
 from mrjax.dem.contact_history import History, Remembered
-from mrjax.dem.forces.contact import ActiveLaws, Contact
-from mrjax.dem.forces.force import PairForce, Wrench
+from mrjax.dem.forces import ActiveLaws, Contact, Force, PairForce, Wrench, pair_forces
 from mrjax.dem.kinematics import PairKinematics, ParticleState, pair_kinematics, separation
 from mrjax.dem.pairs import Pairs
 from mrjax.kernel import pair_sum
@@ -244,9 +243,9 @@ def _where(acts: Array, tree: Tree) -> Tree:
     return jax.tree.map(lambda leaf: jnp.where(acts, leaf, 0.0), tree)
 
 
-def memory_of(forces: Sequence[PairForce]) -> dict[str, Remembered]:
+def memory_of(forces: Sequence[Force]) -> dict[str, Remembered]:
     """Size and unit of each entry of the contact history, by name, for all forces together."""
-    return {name: kind for force in forces for name, kind in force.memory().items()}
+    return {name: kind for force in pair_forces(forces) for name, kind in force.memory().items()}
 
 
 def over_pairs(

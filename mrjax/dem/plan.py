@@ -1,6 +1,5 @@
 """Plan of a run, made before it starts: schedule, buffer sizes, and forces."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -13,14 +12,7 @@ from mrjax.core.parameters import Parameters
 from mrjax.core.run import Fault
 from mrjax.core.state import State
 from mrjax.core.units import Units
-from mrjax.dem.forces import (
-    BodyForce,
-    Contact,
-    Force,
-    PairForce,
-    active_forces,
-    with_gravity_of,
-)
+from mrjax.dem.forces import Contact, Force, active_forces, with_gravity_of
 from mrjax.dem.neighbours import ListPlan
 from mrjax.dem.schedule import Schedule
 from mrjax.laws.hindrance import Hindrance, as_tree
@@ -63,21 +55,6 @@ class System(NamedTuple):
         return self.state.particles
 
     @property
-    def pair_forces(self) -> tuple[PairForce, ...]:
-        """The forces between two surfaces."""
-        return tuple(force for force in self.forces if isinstance(force, PairForce))
-
-    @property
-    def body_forces(self) -> tuple[BodyForce, ...]:
-        """The forces on every particle by itself."""
-        return tuple(force for force in self.forces if isinstance(force, BodyForce))
-
-    @property
-    def greatest_overlap(self) -> float:
-        """Largest overlap for which all forces of the list are valid, in radii."""
-        return min((force.greatest_overlap for force in self.pair_forces), default=math.inf)
-
-    @property
     def in_contact(self) -> bool:
         """True if `Contact` is among the forces."""
         return any(isinstance(force, Contact) for force in self.forces)
@@ -90,16 +67,6 @@ class Matter(NamedTuple):
     material: Array | None
     hindrance: Hindrance | None
     forces: tuple[Force, ...]
-
-    @property
-    def pair_forces(self) -> tuple[PairForce, ...]:
-        """The forces between two surfaces."""
-        return tuple(force for force in self.forces if isinstance(force, PairForce))
-
-    @property
-    def body_forces(self) -> tuple[BodyForce, ...]:
-        """The forces on every particle by itself."""
-        return tuple(force for force in self.forces if isinstance(force, BodyForce))
 
 
 @dataclass(frozen=True)

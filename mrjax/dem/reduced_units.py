@@ -73,7 +73,7 @@ def reduced(
     parameters = reduced_parameters(system.parameters, plan.units, system.state)
     forces = reduced_forces(plan.forces(system), plan.units, system.state)
     matter = Matter(parameters, system.state.material, system.hindrance, forces)
-    begin = reduced_state(system.state, plan.units, slots, memory_of(matter.pair_forces))
+    begin = reduced_state(system.state, plan.units, slots, memory_of(matter.forces))
     return begin, matter
 
 
@@ -106,7 +106,7 @@ def run_in_si(
         contacts=contact_history.to_state(
             outcome.history,
             nan_if_faulty,
-            memory=memory_of(matter.pair_forces),
+            memory=memory_of(matter.forces),
             units=units,
         ),
     )

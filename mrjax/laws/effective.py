@@ -42,6 +42,18 @@ class SurfacePairs(NamedTuple):
     coated: CoatedParticle
     """The coated particles."""
 
+    @staticmethod
+    def by_kind(walled: bool, coated: CoatedParticle) -> "SurfacePairs":
+        """One pair of two particles and, in a box with walls, one with a wall; all are alike.
+
+        Args:
+          walled: True for a box with walls.
+          coated: the coated particles.
+        """
+        first = jnp.zeros(1 + walled, jnp.int32)
+        wall = np.array([False, True]) if walled else None
+        return SurfacePairs(first, first, wall, None, coated)
+
     def sides(self, leaf: Array, of_wall: Array | None = None) -> tuple[Array, Array]:
         """A leaf, () or (N,), of the first and of the second surface; (P,), or () where equal.
 
@@ -146,9 +158,8 @@ def per_kind(
     """
     if not alike(parameters, material):
         return None
-    first = jnp.zeros(1 + walled, jnp.int32)  # all particles are alike: take the first
-    wall = np.array([False, True]) if walled else None
-    return per_pair(parameters, None, first, first, wall, coated=coated)
+    coated = particle.coated_particle(parameters) if coated is None else coated
+    return of_surfaces(parameters, SurfacePairs.by_kind(walled, coated))
 
 
 # Their names of before.

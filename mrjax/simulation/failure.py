@@ -16,6 +16,7 @@ from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.core.parameters import Parameters
 from mrjax.core.run import Fault, reasons
 from mrjax.core.state import State
+from mrjax.dem.forces import greatest_overlap
 from mrjax.dem.plan import RunPlan, System
 from mrjax.dem.scan import run_once
 from mrjax.dem.schedule import Schedule
@@ -61,7 +62,7 @@ def refuse_deep_start(system: System) -> None:
     with jax.ensure_compile_time_eval():
         outer = evaluate_with_numpy(particle.outer_radius, parameters)
     depth, names = _deepest(position, np.broadcast_to(outer, len(position)), box)
-    if depth > system.greatest_overlap:
+    if depth > greatest_overlap(system.forces):
         error = SimulationError(f"at 0 s, {names}: {reasons(Fault.TOO_DEEP)}")
         error.state, error.time, error.faults = state, 0.0, int(Fault.TOO_DEEP)
         raise error

@@ -11,12 +11,12 @@ from mrjax.core.errors import InputError
 from mrjax.core.parameters import Parameters
 from mrjax.core.tracing import drop_tracers, evaluated_or_none, value_or_none
 from mrjax.dem import schedule
-from mrjax.dem.force_bounds import force_bounds, plan_reach
+from mrjax.dem.force_bounds import beside_weight, force_bounds, plan_reach
 from mrjax.dem.neighbours import ListPlan
 from mrjax.dem.plan import RunPlan, System
 from mrjax.laws import particle, time_scales
 from mrjax.laws.hindrance import BED_FRACTION
-from mrjax.laws.time_scales import ForceBounds
+from mrjax.laws.time_scales import ForceBounds, Mode
 from mrjax.simulation.options import RunOptions
 
 
@@ -54,15 +54,18 @@ def plan_run(
     numbers = drop_tracers(parameters)
     radius = evaluated_or_none(particle.outer_radius, numbers)
     diameter = schedule.contact_diameter(state, radius, slack=skin / 4)
-    reach = plan_reach(system)
-    bounds = force_bounds(system, reach)
+    reach = plan_reach(system, numbers)
+    bounds = force_bounds(system, numbers, reach)
     speed = schedule.greatest_speed(velocity, numbers, box, duration, bounds.acceleration)
-    if touch is None and max(reach, default=0.0) > 0.0:
-        touch = True
+    farthest = max(reach, default=0.0)
     if touch is None:
         travel = None if speed is None else 2 * speed * duration
-        touch = state.contacts is not None or checks.may_touch(
-            position, radius, box, travel, diameter
+        # The speed is bounded only for particles that nothing but weight moves.
+        touch = (
+            farthest > 0.0
+            or bool(beside_weight(system))
+            or state.contacts is not None
+            or checks.may_touch(position, radius, box, travel, diameter)
         )
     largest = hopeless = None
     if touch:
@@ -74,7 +77,7 @@ def plan_run(
     else:
         time_step = checks.positive(options.time_step, "time_step", "s")
     time_step = min(duration / frames, time_step)
-    neighbour_list = _list_plan(system, options, radius, diameter, skin, max(reach, default=0.0))
+    neighbour_list = _list_plan(system, options, radius, diameter, skin, farthest)
     if largest is not None and hopeless is not None and time_step > hopeless:
         raise InputError(
             f"time_step = {time_step:.4g} s is unstable for contacts this stiff; the largest that "
@@ -100,6 +103,15 @@ def _stable_steps(
     if system.hindrance is not None:
         with jax.ensure_compile_time_eval():
             numbers = numbers.replace(f_w=drop_tracers(system.hindrance)(BED_FRACTION))
+    if not system.in_contact:  # nor need the moduli be known
+        soft = numbers.replace(elastic_modulus=1.0, poisson_ratio=0.0)
+
+        def alone(arrangement: tuple[Mode, ...]) -> float | None:
+            known = soft, 0.0, arrangement, bounds.stiffness
+            step = evaluated_or_none(time_scales.largest_stable_step, *known)
+            return None if step is None else float(step)
+
+        return alone(time_scales.CLOSE_PACKED), alone(time_scales.TOUCHING_PAIR)
     law = partial(
         schedule.largest_stable_step,
         numbers,

@@ -134,7 +134,7 @@ def _expected(
     if options.time_step is not None:
         time_step = checks.positive(options.time_step, "time_step", "s")
     else:
-        bounds = force_bounds(systems[0], plan_reach(systems[0]))
+        bounds = force_bounds(systems[0], numbers, plan_reach(systems[0], numbers))
         step = estimates.step(numbers, box, particles, falling, hindrance, bounds)
         time_step = min(interval, step)
     steps = estimates.TIMES_FREE_FALL * expectation / time_step

@@ -5,6 +5,7 @@ forces of Eq. 1 (Son 2018) are left out, as in the paper.
 """
 
 import importlib
+import math
 from collections import Counter
 from collections.abc import Sequence
 from typing import Any
@@ -26,6 +27,21 @@ from mrjax.dem.forces.gravity import Gravity, net_weight
 pull = net_weight
 Laws = ActiveLaws
 laws = active_laws
+
+
+def pair_forces(forces: Sequence[Force]) -> tuple[PairForce, ...]:
+    """Returns the forces of a list that act between two surfaces."""
+    return tuple(force for force in forces if isinstance(force, PairForce))
+
+
+def body_forces(forces: Sequence[Force]) -> tuple[BodyForce, ...]:
+    """Returns the forces of a list that act on each single particle."""
+    return tuple(force for force in forces if isinstance(force, BodyForce))
+
+
+def greatest_overlap(forces: Sequence[Force]) -> float:
+    """Largest overlap for which all forces of a list are valid, in radii."""
+    return min((force.greatest_overlap for force in pair_forces(forces)), default=math.inf)
 
 
 def active_forces(forces: Sequence[Force] | None, parameters: Parameters) -> tuple[Force, ...]:
@@ -50,9 +66,7 @@ def active_forces(forces: Sequence[Force] | None, parameters: Parameters) -> tup
                 "of a class of your own, derived from mrjax.PairForce or mrjax.BodyForce"
             )
     active = tuple(force.active(parameters) for force in given)
-    names = Counter(
-        name for force in active if isinstance(force, PairForce) for name in force.memory()
-    )
+    names = Counter(name for force in pair_forces(active) for name in force.memory())
     for name, times in names.items():
         if times > 1:
             raise InputError(
@@ -88,6 +102,9 @@ __all__ = [
     "Wrench",
     "active_forces",
     "active_laws",
+    "body_forces",
+    "greatest_overlap",
     "net_weight",
+    "pair_forces",
     "with_gravity_of",
 ]

@@ -109,12 +109,10 @@ class ConvertedPairForce(PairForce):
         """Springs and dashpots of the wrapped force, in reduced units."""
         scales = self.scales
         unit = scales.mass / scales.time
-        found = self.force.stiffness(
-            scales.kinematics(pair),
-            coefficients,
-            scales.time * time_step,
+        normal, tangential = self.force.stiffness(
+            scales.kinematics(pair), coefficients, scales.time * time_step
         )
-        return Stiffness(found.normal / unit, found.tangential / unit)
+        return Stiffness(normal / unit, tangential / unit)
 
 
 class ConvertedBodyForce(BodyForce):

@@ -182,6 +182,43 @@ def test_a_body_force_pulls_to_its_equilibrium_and_its_torque_spins():
     np.testing.assert_allclose(run.state.spin[:, 1], spin, rtol=1e-6)
 
 
+def test_a_steady_force_is_what_it_is_at_every_step_its_torque_too():
+    class Steady(mrjax.BodyForce):
+        push: float = mrjax.quantity("N")
+        torque: float = mrjax.quantity("N m")
+
+        steady = True
+
+        def __call__(self, parameters, particles):
+            along = jnp.array([1.0, 0.0, 0.0])[:, None] * jnp.ones_like(particles.position)
+            return mrjax.Wrench(self.push * along, self.torque * along)
+
+    class Unsteady(Steady):
+        steady = False
+
+    once, always = (simulate([kind(1e-6, 1e-9)]).state for kind in (Steady, Unsteady))
+    assert once.spin[0, 0] > 0.0
+    for name in ("position", "velocity", "spin"):
+        found, expected = getattr(once, name), getattr(always, name)
+        np.testing.assert_allclose(found, expected, rtol=1e-13)
+
+
+def test_contact_keeps_its_friction_where_another_force_brings_it_about():
+    """Weight alone would leave the sphere far from the wall until the end."""
+    start = mrjax.place([[5e-3, 5e-3, 5e-3]], contact_diameter=2 * RADIUS)
+
+    class Growing(mrjax.BodyForce):
+        def __call__(self, parameters, particles):
+            x = particles.position[0]
+            push = 0.5 * (x - 4.9e-3)
+            return mrjax.Wrench(jnp.stack([push, 0.0 * x, -0.1 * push]))
+
+    aside = mrjax.Gravity(jnp.array([300.0, 0.0, -30.0]))
+    for forces in ([Growing(), mrjax.Contact()], [aside, mrjax.Contact()]):
+        run = simulate(forces, state=start, steps=2000, frames=1)
+        assert run.deepest_overlap > 0.0 and abs(float(run.state.spin[0, 1])) > 0.0
+
+
 @pytest.mark.parametrize("name", ["pull_off", "range", "strength", "middle", "torque"])
 def test_gradients_by_every_coefficient_are_those_of_central_differences(name, gradients):
     _, slopes, at = gradients
@@ -365,6 +402,10 @@ def test_a_stiff_force_shortens_the_step():
     assert 0.9 * longest < run.time_step < 1.001 * longest
     with pytest.raises(mrjax.InputError, match="is unstable for contacts this stiff"):
         mrjax.simulate(THREE, dry, ROOM, duration=1e-1, time_step=1e-3, forces=stiff)
+    # Without contact it is the only stiffness, and the moduli need not be known.
+    unknown = dry.replace(elastic_modulus=jnp.nan, poisson_ratio=jnp.nan)
+    alone = mrjax.simulate(THREE, unknown, ROOM, duration=1e-3, forces=stiff[1:])
+    assert 0.9 * longest < alone.time_step < 1.001 * longest
 
 
 @pytest.mark.parametrize(
