@@ -53,12 +53,12 @@ def scout(
     given = given_with(unknown, data)
     with stoppable(), relaxed_promotion():
         count = count_residuals(programs, places[0], given) - len(unknown.with_prior)
-        at = _evaluate_in_batches(programs, given)
-        points = at(list(places))
+        evaluate = _evaluate_in_batches(programs, given)
+        points = evaluate(list(places))
         best = sorted(points[1 + FIRST :], key=lambda point: point.loss)[:BEST]
         first_points = [point for point in (*points[: 1 + FIRST], *best) if point.finite]
-        ends, _ = minimise(at, first_points, unknown.box, MOST_STEPS)
-        different = distinct(ends, places[0], unknown.box, lambda logs: at([logs])[0])
+        ends, _ = minimise(evaluate, first_points, unknown.box, MOST_STEPS)
+        different = distinct(ends, places[0], unknown.box, lambda logs: evaluate([logs])[0])
         return [optimum(end, count, finished=False) for end in different]
 
 

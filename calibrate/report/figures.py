@@ -101,12 +101,12 @@ def concentrations_figure(result: dict[str, Any]) -> Figure:
         first = of_table[0]
         axes.set_title(f"sample {in_figure(first['sample'])}\n{in_figure(first['table'])}")
         if any(row["time_s"] != first["time_s"] for row in of_table):
-            at = [row["time_s"] / TIME_UNITS[first["time_unit"]] for row in of_table]
+            abscissas = [row["time_s"] / TIME_UNITS[first["time_unit"]] for row in of_table]
             axes.set_xlabel(f"time, {in_unit(2.0, first['time_unit'])[1]}")
         else:
-            at = [row["height_m"] / HEIGHT_UNITS[first["height_unit"]] for row in of_table]
+            abscissas = [row["height_m"] / HEIGHT_UNITS[first["height_unit"]] for row in of_table]
             axes.set_xlabel(f"height, {first['height_unit']}")
-        _draw(axes, at, of_table)
+        _draw(axes, abscissas, of_table)
         axes.set_ylabel("volume fraction" + ("" if first["unit"] == "1" else ", %"))
         axes.set_ylim(bottom=0.0)
     axes.legend()

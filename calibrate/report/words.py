@@ -284,14 +284,14 @@ def _far_off(
     table = "velocities" if "concentration" in row else row.get("table")
     file = files.get(f"{row['sample']}, {table}" if table else row["sample"], {})
     line = "" if row["row"] is None else f", {file.get('row_word', 'row')} {row['row']}"
-    at = when(row)
+    moment = when(row)
     if "time_s" in row and file and not table:
-        at = f" at {row['time_s'] / TIME_UNITS[file['time_unit']]:.6g} {file['time_unit']}"
+        moment = f" at {row['time_s'] / TIME_UNITS[file['time_unit']]:.6g} {file['time_unit']}"
     sample = "" if row["sample"] is None else f"sample {text(row['sample'])}, "
     deviations = (row["predicted"] - row["measured"]) / row["sigma"]
     unit = "" if row["unit"] == "1" else f" {row['unit']}"
     return (
-        f"{sample}{spelled(row['observable'])}{at}{line}: {row['measured']:.4g}{unit} "
+        f"{sample}{spelled(row['observable'])}{moment}{line}: {row['measured']:.4g}{unit} "
         f"measured, {row['predicted']:.4g} predicted, {abs(deviations):.3g} standard deviations"
     )
 

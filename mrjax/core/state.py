@@ -38,7 +38,7 @@ class ContactHistory:
     rolling: Array | None
     """Angle rolled on the partner, (N, S, 3) in rad."""
     named: dict[str, Array] = field(default_factory=dict)
-    """What further forces remember, by name: (N, S, 3) vectors or (N, S) numbers."""
+    """History of further forces, by name: (N, S, 3) vectors or (N, S) numbers."""
 
     @staticmethod
     def of_names(partner: Array, by_name: Mapping[str, Array]) -> "ContactHistory":

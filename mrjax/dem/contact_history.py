@@ -52,11 +52,11 @@ class ParticleHistory:
         met, slot = jnp.any(same, axis=0), jnp.sum(jnp.where(same, slots, 0), axis=0)
 
         def rows(components: tuple[Array, ...]) -> Array:
-            if not len(same):
-                found = jnp.zeros((len(components), len(holder)), components[0].dtype)
+            if len(same):
+                values = [jnp.where(met, part[slot, holder], 0.0) for part in components]
             else:
-                found = jnp.stack([jnp.where(met, part[slot, holder], 0.0) for part in components])
-            return found if len(components) > 1 else found[0]
+                values = [jnp.zeros(len(holder), part.dtype) for part in components]
+            return jnp.stack(values) if len(values) > 1 else values[0]
 
         return {name: rows(components) for name, components in self.memory.items()}
 

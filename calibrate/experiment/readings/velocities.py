@@ -189,15 +189,15 @@ def _row_readings(
     readings = [reading for reading in readings if not cells.is_missing(reading.text)]
     if cells.is_missing(concentration.text) or not readings:
         return []
-    at = _number(concentration, mark)
+    number = _number(concentration, mark)
     values = [_number(reading, mark) for reading in readings]
-    if at == 0.0 and not any(values):
+    if number == 0.0 and not any(values):
         return []  # the flux without particles
     error = math.nan
     if columns.error and not cells.is_missing(row.cell(columns.error.place)):
         error = _positive_number(_cell(table, row, columns.error), mark)
-    at = _positive_number(concentration, mark)
-    return [(at, _positive_number(reading, mark), error) for reading in readings]
+    number = _positive_number(concentration, mark)
+    return [(number, _positive_number(reading, mark), error) for reading in readings]
 
 
 def _error(
