@@ -33,7 +33,8 @@ def encode(value: Any) -> bytes:
     """Encodes a value as a message.
 
     Args:
-      value: a value of numbers, text, arrays, lists, paths, recipes, `TABLES` and `ERRORS`.
+      value: a value of numbers, text, arrays, lists, dictionaries, paths, recipes, `TABLES` and
+        `ERRORS`.
 
     Raises:
       TypeError: the value holds anything else.
@@ -66,6 +67,8 @@ def _plain(value: Any, arrays: list[np.ndarray]) -> Any:
         return value
     if isinstance(value, list | tuple):
         return {type(value).__name__: [_plain(item, arrays) for item in value]}
+    if isinstance(value, dict):
+        return {"dict": {key: _plain(item, arrays) for key, item in value.items()}}
     if isinstance(value, np.ndarray | jax.Array):
         array = np.asarray(value)
         if array.dtype.kind not in KINDS:
@@ -105,6 +108,8 @@ class _Reader:
                 return [self.value(item) for item in content]
             case "tuple":
                 return tuple(self.value(item) for item in content)
+            case "dict":
+                return {key: self.value(item) for key, item in content.items()}
             case "array":
                 return jnp.asarray(self._array(*content))
             case "path":

@@ -7,13 +7,16 @@ import socket
 import subprocess
 import sys
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import mrjax
+from mrjax.core.state import ContactHistory
 from mrjax.simulation import messages
 from tests.builders.commands import start
 from tests.builders.processes import SMALL, free_port
@@ -130,11 +133,14 @@ def sent(case2, tmp_path_factory) -> list:
     recipe = mrjax.Recipe.load(sheet)
     state = mrjax.place([[5e-6, 5e-6, 3e-6], [5e-6, 5e-6, 8e-6]], contact_diameter=4e-6)
     run = mrjax.simulate(state, recipe.parameters(), recipe.box, duration=1e-9, trajectory=True)
+    partner, way = jnp.array([[1], [0]], jnp.int32), jnp.array([[[1e-9, 0.0, 2e-9]]] * 2)
+    history = ContactHistory(partner, way, None, {"age": jnp.array([[0.1], [0.1]]), "way": -way})
     error = mrjax.SimulationError("the bed is unstable")
     error.state, error.time, error.faults = run.state, 1.5, 8
     return [
         [run, None],
         [state],
+        [replace(state, contacts=history)],
         [recipe],
         [Path("é/run")],
         error,
@@ -156,7 +162,7 @@ def test_what_is_sent_arrives_to_the_last_bit(sent):
         else:
             same(found, value)
     assert found[1].hex() == (0.1).hex()
-    recipe, arrived = sent[2][0], messages.decode(messages.encode(sent[2]))[0]
+    recipe, arrived = sent[3][0], messages.decode(messages.encode(sent[3]))[0]
     assert arrived.notes == recipe.notes and arrived.parameters() == recipe.parameters()
 
 
