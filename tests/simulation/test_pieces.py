@@ -228,7 +228,7 @@ def test_one_run_that_fails_stops_the_others(small, monkeypatch):
     advance = pieces.PiecewiseRun.advance
 
     def failing(self, frames, *watch):
-        if self.given.state is not state:
+        if self.original.state is not state:
             raise mrjax.SimulationError("the second fails")
         try:
             while True:
