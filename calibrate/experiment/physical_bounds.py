@@ -8,7 +8,10 @@ from typing import Any
 
 from calibrate.experiment.experiment import Experiment
 from calibrate.experiment.free_parameters import FreeParameter
+from calibrate.experiment.sample import Sample
 from calibrate.experiment.suspension import BED, CLOSURE
+from mrjax.laws import drag
+from mrjax.laws.closures.carman_kozeny import SPARSEST_PACKING
 from mrjax.recipe.plausibility import LARGEST_BOX
 from mrjax.recipe.recipe import Recipe
 from mrjax.recipe.sheets import LARGEST, SMALLEST, Sheet
@@ -38,6 +41,7 @@ OF_SHEET: dict[str, tuple[type[Sheet], str]] = {
 }
 """Table and entry of a lab sheet, by leaf of `mrjax.Parameters`."""
 FACTORS = ("f_w", "f_s", "f_v")
+FLOC_VOLUME = f"{CLOSURE}floc_volume"
 DENSER = 1e-3
 """Least relative excess of the volume fraction of a bed over that of its suspension."""
 NEAREST = 1e-9
@@ -68,11 +72,38 @@ def _value_bounds(experiment: Experiment, parameter: FreeParameter) -> tuple[flo
             if sample.name in parameter.samples
         )
         return (1.0 + DENSER) * float(thickest), 1.0
+    if parameter.name == FLOC_VOLUME:
+        return _floc_volume_bounds(
+            [sample for sample in experiment.samples if sample.name in parameter.samples]
+        )
     if parameter.name in FACTORS or parameter.name.startswith(CLOSURE):
         return LEAST_FACTOR, LARGEST_FACTOR
     if parameter.name in OF_SHEET:
         return _entry_bounds(*OF_SHEET[parameter.name])
     return SMALLEST, LARGEST_BOX if parameter.name == "radius" else LARGEST
+
+
+def _floc_volume_bounds(samples: list[Sample]) -> tuple[float, float]:
+    """Volumes of flocs over volumes of solids at which the closure holds in all samples.
+
+    With local drag it holds up to a bed of known volume fraction.
+    """
+    fractions = [
+        fraction * sample.recipe.radius_factor**3
+        for sample in samples
+        for fraction in (sample.recipe.volume_fraction, *sample.fractions)
+    ]
+    beds = [
+        sample.bed_fraction
+        for sample in samples
+        if sample.recipe.drag.local and isinstance(sample.bed_fraction, float)
+    ]
+    networks = any(
+        sample.recipe.closure is not None and sample.recipe.closure.func is drag.rigid_network
+        for sample in samples
+    )
+    least = SPARSEST_PACKING / min(fractions) if networks else 1.0
+    return max(1.0, (1.0 + DENSER) * least), (1.0 - DENSER) / max(fractions + beds)
 
 
 @cache

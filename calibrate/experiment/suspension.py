@@ -1,6 +1,5 @@
 """The input of a forward model: a recipe with fitted values in place of its own."""
 
-import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 
@@ -11,6 +10,7 @@ from jax.tree_util import Partial
 from jax.typing import ArrayLike
 
 from mrjax import InputError, Parameters, Recipe
+from mrjax.laws.closures import table
 from mrjax.laws.hindrance import Hindrance
 from mrjax.recipe.sheets import did_you_mean
 
@@ -127,4 +127,4 @@ def refuse_unknown(name: str, recipe: Recipe, parameters: Parameters) -> None:
 def _coefficients(recipe: Recipe) -> list[str]:
     if recipe.closure is None:
         return []
-    return [CLOSURE + name for name in list(inspect.signature(recipe.closure.func).parameters)[1:]]
+    return [CLOSURE + name for name in table.coefficients(recipe.closure.func)]

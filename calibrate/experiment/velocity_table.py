@@ -10,6 +10,7 @@ from calibrate.experiment.readings.velocity_understood import VelocitiesUndersto
 from calibrate.experiment.repeats import BEFORE_THE_FIT, LEAST_SCATTER, scatter_of_repeats
 from calibrate.experiment.sample import Concentration, Measurement, Scatter
 from mrjax import InputError, Recipe
+from mrjax.laws.closures.table import valid_range
 
 
 class VelocityTable(NamedTuple):
@@ -40,8 +41,18 @@ def read(sheet: VelocitiesSheet, folder: Path, recipe: Recipe) -> VelocityTable:
             'closure in [drag], such as f_w = "richardson-zaki"'
         )
 
+    holds = valid_range(recipe.closure)
+
     def fraction(kind: str, value: float) -> float:
-        return concentrations.volume_fraction(kind, value, recipe)
+        at = concentrations.volume_fraction(kind, value, recipe)
+        fault = holds and holds.fault(at * recipe.radius_factor**3)
+        if fault:
+            raise InputError(
+                f"a volume fraction of {at:.4g} is out of the range of the closure of "
+                f"{recipe.name}, which {fault}; give other coefficients in [drag], another "
+                "closure, or leave the row out"
+            )
+        return at
 
     table_read = velocities.read(sheet, folder, fraction)
     fractions = tuple(sorted({reading.volume_fraction for reading in table_read.readings}))

@@ -66,12 +66,33 @@ def table(
     node = jnp.arange(INTERVALS + 1, dtype=initial.dtype) / INTERVALS
     dense = initial + (densest - initial) * node[1:-1]
     inner = jnp.concatenate([initial * node[1:], dense])
-    hindered = parameters if hindrance is None else parameters.replace(f_w=hindrance(inner))
+    hindered = parameters
+    if hindrance is not None:
+        hindered = parameters.replace(f_w=filled_in_dilute(hindrance(inner), inner))
     # The flux at both ends is zero. A closure may have no derivative in clear fluid.
     zero = jnp.zeros(1, inner.dtype)
     fraction = jnp.concatenate([zero, inner, densest[None]])
     flux = jnp.concatenate([zero, inner * terminal_velocity(hindered), zero])
     return Table(fraction, flux)
+
+
+def filled_in_dilute(f_w: Array, fraction: Array) -> Array:
+    """Returns the f_w of a table of volume fractions without NaN in more dilute suspensions.
+
+    A closure for packings is NaN below some volume fraction. A column that starts denser goes from
+    clear fluid to suspension in one front, whose speed does not depend on the flux between. f_w is
+    filled in there so that the flux is constant, which keeps the front sharp. If f_w is NaN at the
+    initial volume fraction, too, it stays NaN.
+
+    Args:
+      f_w: factors at `fraction`, () or (2 * INTERVALS - 1,).
+      fraction: volume fractions, ascending; element INTERVALS - 1 is the initial one.
+    """
+    if jnp.ndim(f_w) == 0:
+        return f_w
+    first = jnp.argmax(~jnp.isnan(f_w))
+    unknown = (jnp.arange(fraction.size) < first) & (first < INTERVALS)
+    return jnp.where(unknown, f_w[first] * fraction / fraction[first], f_w)
 
 
 def fastest_front(flux_table: Table, state: Array) -> Array:

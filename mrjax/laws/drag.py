@@ -2,8 +2,10 @@
 
 F_D = -6 pi f_w f_s f_v f_r mu R u                                         (Eq. 24)
 
-No other module reads `f_w`, `f_s` and `f_v`. The closures give f_w for a volume fraction. For the
-derivative of a velocity with respect to the volume fraction, use
+No other module reads `f_w`, `f_s` and `f_v`. The closures (`mrjax.laws.closures`) give f_w for a
+volume fraction. f_w is the Stokes velocity over the hindered one, which is relative to the box: the
+inverse of the hindered settling function of most papers. For the derivative of a velocity with
+respect to the volume fraction, use
 `parameters.replace(f_w=drag.richardson_zaki(volume_fraction))`.
 
 The factors are calibration constants rather than models of crowding: the exact drag in a simple
@@ -11,18 +13,26 @@ cubic array at a volume fraction of 0.34 is about 15 times Stokes' (Zick & Homsy
 Eq. 14 gives 49.
 """
 
-import math
-from collections.abc import Callable
-
 import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
 from mrjax.core.parameters import Parameters
+from mrjax.laws.closures.brzinski_durian import brzinski_durian as brzinski_durian
+from mrjax.laws.closures.carman_kozeny import carman_kozeny as carman_kozeny
+from mrjax.laws.closures.diameter_ratio import diameter_ratio as diameter_ratio
+from mrjax.laws.closures.diameter_ratio import volume_fraction_at as volume_fraction_at
+from mrjax.laws.closures.floc_richardson_zaki import floc_richardson_zaki as floc_richardson_zaki
+from mrjax.laws.closures.haberman_sayre import HABERMAN_SAYRE_LIMIT as HABERMAN_SAYRE_LIMIT
+from mrjax.laws.closures.haberman_sayre import haberman_sayre as haberman_sayre
+from mrjax.laws.closures.richardson_zaki import richardson_zaki as richardson_zaki
+from mrjax.laws.closures.rigid_network import rigid_network as rigid_network
+from mrjax.laws.closures.son2018 import son2018 as son2018
+from mrjax.laws.closures.son2018 import son2018_smooth as son2018_smooth
+from mrjax.laws.closures.son2018 import son2018_uncapped as son2018_uncapped
+from mrjax.laws.closures.table import CLOSURES as CLOSURES
+from mrjax.laws.closures.vesilind import vesilind as vesilind
 from mrjax.laws.particle import outer_radius
-
-HABERMAN_SAYRE_LIMIT = 0.8
-"""Largest diameter ratio that Haberman & Sayre (1958) tabulate."""
 
 
 def coefficient(parameters: Parameters) -> Array:
@@ -50,94 +60,6 @@ def rotational_coefficient(parameters: Parameters) -> Array:
 def carrier_viscosity(parameters: Parameters) -> Array:
     """Viscosity f_v mu of the fluid with its additives; Pa s."""
     return parameters.f_v * parameters.viscosity
-
-
-def diameter_ratio(volume_fraction: ArrayLike) -> Array:
-    """Diameter ratio lambda = 1 / ((4 pi / 3 phi)^(1/3) - 1) of Eq. 15; 1.
-
-    It measures how close the neighbours of a particle are.
-    """
-    return 1.0 / (jnp.cbrt(4.0 * jnp.pi / (3.0 * volume_fraction)) - 1.0)
-
-
-def volume_fraction_at(ratio: ArrayLike) -> ArrayLike:
-    """Volume fraction at a diameter ratio: the inverse of Eq. 15; 1."""
-    return 4.0 * math.pi / (3.0 * (1.0 + 1.0 / ratio) ** 3)
-
-
-def son2018_uncapped(
-    volume_fraction: ArrayLike, coefficient: ArrayLike = 389.1530, exponent: ArrayLike = 7.5593
-) -> Array:
-    """Closure a lambda^b + 1: Eq. 14 without its cap; 1.
-
-    Eq. 14 is a least-squares fit to Haberman & Sayre's exact column. For lambda from 0.1 to 0.5 it
-    is a fifth to three fifths below that column.
-    """
-    return coefficient * diameter_ratio(volume_fraction) ** exponent + 1.0
-
-
-def son2018(
-    volume_fraction: ArrayLike,
-    coefficient: ArrayLike = 389.1530,
-    exponent: ArrayLike = 7.5593,
-    cap: ArrayLike = 48.985,
-) -> Array:
-    """Closure of Son (2018), Eq. 14: MIN(f_max, a lambda^b + 1); 1.
-
-    The cap is reached at lambda = 0.758, a volume fraction of 0.336. From there on, the derivatives
-    with respect to the volume fraction, a and b are zero.
-
-    Example:
-      >>> float(mrjax.laws.drag.son2018(0.337))
-      48.985
-    """
-    return jnp.minimum(cap, son2018_uncapped(volume_fraction, coefficient, exponent))
-
-
-def son2018_smooth(
-    volume_fraction: ArrayLike,
-    coefficient: ArrayLike = 389.1530,
-    exponent: ArrayLike = 7.5593,
-    cap: ArrayLike = 48.985,
-    sharpness: ArrayLike = 4.0,
-) -> Array:
-    """Closure of Son (2018), Eq. 14, with a smooth cap: (f_uncapped^-p + f_max^-p)^(-1/p); 1.
-
-    With p = 4, the value at the point where Eq. 14 reaches its cap is 2^(-1/4) = 0.84 of the cap.
-    The logarithmic slope there is half that of the uncapped law, and 2 % of it at a volume fraction
-    of 0.417. A larger p follows Eq. 14 more closely and has less slope beyond that point.
-    """
-    uncapped = son2018_uncapped(volume_fraction, coefficient, exponent)
-    return cap * (1.0 + (cap / uncapped) ** sharpness) ** (-1.0 / sharpness)
-
-
-def haberman_sayre(volume_fraction: ArrayLike) -> Array:
-    """Haberman & Sayre's rational approximation for a sphere in a tube of still liquid; 1.
-
-    It is valid for lambda <= 0.8, a volume fraction of 0.367. It is within 0.03 % of their exact
-    solution at lambda = 0.2, 14 % low at 0.7 and 33 % low at 0.8.
-    """
-    ratio = diameter_ratio(volume_fraction)
-    return (1.0 - 0.75857 * ratio**5) / (
-        1.0 - 2.1050 * ratio + 2.0865 * ratio**3 - 1.7068 * ratio**5 + 0.72603 * ratio**6
-    )
-
-
-def richardson_zaki(volume_fraction: ArrayLike, exponent: ArrayLike = 4.65) -> Array:
-    """Closure of Richardson & Zaki (1954): f_w = (1 - phi)^-n; 1.
-
-    n = 5.6 at low and 4.48 at high Peclet numbers (Brzinski & Durian, arXiv 1710.09314).
-    """
-    return (1.0 - volume_fraction) ** (-exponent)
-
-
-CLOSURES: dict[str, Callable[..., Array]] = {
-    "son2018": son2018,
-    "son2018-smooth": son2018_smooth,
-    "haberman-sayre": haberman_sayre,
-    "richardson-zaki": richardson_zaki,
-}
-"""Closures by the names that a lab sheet uses."""
 
 
 def shape_factor(largest: ArrayLike, medium: ArrayLike, smallest: ArrayLike) -> Array:

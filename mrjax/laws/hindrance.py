@@ -17,6 +17,7 @@ from mrjax.core.box import Box
 from mrjax.core.errors import InputError, shown
 from mrjax.core.parameters import Parameters, per_particle
 from mrjax.laws import particle
+from mrjax.laws.closures.table import valid_range
 
 Hindrance = Callable[[ArrayLike], ArrayLike]
 """f_w as a function of the volume fraction: any JAX function, such as
@@ -44,6 +45,22 @@ def as_tree(hindrance: Hindrance | None) -> Hindrance | None:
         )
     leaves = jax.tree.leaves(hindrance)
     return Partial(hindrance) if any(leaf is hindrance for leaf in leaves) else hindrance
+
+
+def refuse_partial(hindrance: Hindrance | None) -> None:
+    """Refuses a closure that does not hold at every volume fraction from clear fluid to a bed.
+
+    Raises:
+      InputError: the closure holds in a part of this range only.
+    """
+    holds = valid_range(hindrance)
+    fault = holds and (holds.fault(0.0) or holds.fault(LARGEST_FRACTION))
+    if fault:
+        name = getattr(getattr(hindrance, "func", hindrance), "__name__", "")
+        raise InputError(
+            f"hindrance = {name} {fault}; particles with local drag pass all volume fractions from "
+            f"0 to {LARGEST_FRACTION}: give drag.local = false, or simulate a column"
+        )
 
 
 def hindered_parameters(

@@ -5,7 +5,7 @@ import math
 from mrjax.core.box import AXES
 from mrjax.core.errors import shown
 from mrjax.core.numpy_evaluation import evaluate_with_numpy
-from mrjax.laws import drag
+from mrjax.laws.closures.table import CLOSURES, valid_range
 from mrjax.laws.hindrance import LARGEST_FRACTION
 from mrjax.recipe.suspension import MOST_PARTICLES, Suspension
 from mrjax.recipe.tables import LARGEST_FACTOR, LEAST_FACTOR
@@ -135,22 +135,20 @@ def _refuse_closure(recipe: Suspension) -> None:
         raise ValueError(
             "drag.local = true: needs a closure that holds in the bed, not f_w = "
             f"{shown(name)}; give one of "
-            + ", ".join(closure for closure in drag.CLOSURES if closure != "haberman-sayre")
+            + ", ".join(closure for closure in CLOSURES if closure != "haberman-sayre")
         )
-    if name != "haberman-sayre":
-        return
-    limit = float(drag.volume_fraction_at(drag.HABERMAN_SAYRE_LIMIT))
-    if recipe.coated_volume_fraction > limit:
+    holds = valid_range(recipe.closure)
+    fault = holds.fault(recipe.coated_volume_fraction) if holds else None
+    if fault:
         raise ValueError(
-            f"drag.f_w = {shown(name)}: holds up to a volume fraction of {limit:.4f} (lambda = "
-            f"{drag.HABERMAN_SAYRE_LIMIT}), not at {recipe.coated_volume_fraction:.4f}; give "
-            "another closure or a number"
+            f"drag.f_w = {shown(name)}: not at {recipe.coated_volume_fraction:.4f}, it {fault}; "
+            "give other coefficients, another closure or a number"
         )
 
 
 def _refuse_factors(recipe: Suspension) -> None:
     factors = {"f_w": [recipe.f_w], "f_s": [recipe.f_s]}
-    if recipe.hindrance:
+    if recipe.hindrance and valid_range(recipe.hindrance) is None:
         factors["f_w"].append(float(evaluate_with_numpy(recipe.hindrance, LARGEST_FRACTION)))
     for name, values in factors.items():
         for value in values:

@@ -1,6 +1,7 @@
 """Reading and validation of TOML sheets; each fault is reported in one line with its remedy."""
 
 import difflib
+import math
 import os
 import tomllib
 from collections.abc import Callable, Iterable
@@ -77,6 +78,19 @@ class Sheet(BaseModel):
     def assume(self, **values: Any) -> None:
         """Sets keys that are not stated, while a sheet is read."""
         self.__dict__.update(values)
+
+
+def above_zero(key: str, value: object, remedy: str = "a number") -> float:
+    """Checks a number above zero and returns it as a float.
+
+    Raises:
+      ValueError: `value` is no such number.
+    """
+    if not isinstance(value, int | float) or isinstance(value, bool) or not 0 < value < math.inf:
+        raise ValueError(f"{key} = {shown(value)}: must be {remedy} above zero, finite")
+    if not SMALLEST <= value <= LARGEST:
+        raise ValueError(f"{key} = {shown(value)}: must be {remedy} between 1e-30 and 1e30")
+    return float(value)
 
 
 def _line_check(most: int) -> Callable[[str], str]:

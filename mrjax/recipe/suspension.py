@@ -10,9 +10,9 @@ from pydantic import BeforeValidator, Field
 
 from mrjax.core.box import Box
 from mrjax.core.numpy_evaluation import evaluate_with_numpy
-from mrjax.laws import drag, particle
+from mrjax.laws import dimensionless, drag, particle
 from mrjax.laws.hindrance import Hindrance
-from mrjax.recipe import tables
+from mrjax.recipe import closures, tables
 from mrjax.recipe.composition import Composition, Phases
 from mrjax.recipe.sheets import UNSTATED, Name, Sheet
 from mrjax.recipe.tables import Coating, Contact, Drag, Fluid, Particle, Wall
@@ -107,12 +107,24 @@ class Suspension(Sheet):
         return mass_over_core_volume / self.radius_factor**3
 
     @property
+    def peclet_number(self) -> float:
+        """Peclet number |m - m_f| g R / (k T) of the coated particle of mean volume; 1."""
+        diameter = self.particle.diameter
+        if not isinstance(diameter, float):
+            diameter = diameter.mean_cube ** (1 / 3)
+        radius = self.radius_factor * diameter / 2.0
+        excess = abs(self.apparent_density - self.fluid.density)
+        weight = 4.0 / 3.0 * math.pi * radius**3 * excess * self.gravity
+        return weight * radius / (dimensionless.BOLTZMANN * self.temperature)
+
+    @property
     def f_w(self) -> float:
         """Wall and crowding factor of the drag (Eqs. 14 and 15); 1."""
-        if isinstance(self.drag.f_w, float):
-            return self.drag.f_w
+        closure = self.closure
+        if closure is None:
+            return float(self.drag.f_w)  # type: ignore[arg-type] # a number without a closure
         with jax.ensure_compile_time_eval():  # a number, even within jit
-            return float(evaluate_with_numpy(_closure(self.drag.f_w), self.coated_volume_fraction))
+            return float(evaluate_with_numpy(closure, self.coated_volume_fraction))
 
     @property
     def hindrance(self) -> Hindrance | None:
@@ -126,12 +138,12 @@ class Suspension(Sheet):
     def closure(self) -> Partial | None:
         """f_w as a function of the volume fraction, with the coefficients of the sheet.
 
-        It is a `jax.tree_util.Partial` of one of `mrjax.laws.drag.CLOSURES`, and None if the f_w of
-        the sheet is a number.
+        It is a `jax.tree_util.Partial` of one of `mrjax.laws.closures.table.CLOSURES`, and None if
+        the f_w of the sheet is a number.
         """
         if isinstance(self.drag.f_w, float):
             return None
-        return _closure(self.drag.f_w)
+        return closures.closure(self.drag.f_w, self.peclet_number)
 
     @property
     def f_s(self) -> float:
@@ -140,10 +152,3 @@ class Suspension(Sheet):
             return self.drag.f_s
         with jax.ensure_compile_time_eval():
             return float(evaluate_with_numpy(drag.shape_factor, *self.drag.f_s))
-
-
-def _closure(f_w: str | dict[str, float | str]) -> Partial:
-    """Returns a closure with the coefficients of a sheet."""
-    coefficients = {} if isinstance(f_w, str) else dict(f_w)
-    name = f_w if isinstance(f_w, str) else coefficients.pop("closure")
-    return Partial(drag.CLOSURES[str(name)], **coefficients)

@@ -1,17 +1,14 @@
 """The tables of a lab sheet, with their keys, bounds and remedies."""
 
-import inspect
-import math
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, SkipValidation, field_validator, model_validator
 
 from mrjax.core.box import Box
 from mrjax.core.errors import InputError, shown, shown_key
-from mrjax.laws import drag
-from mrjax.recipe import sheets, sizes
+from mrjax.recipe import closures, sizes
 from mrjax.recipe.materials import MATERIALS
-from mrjax.recipe.sheets import UNSTATED, Sheet
+from mrjax.recipe.sheets import UNSTATED, Sheet, above_zero
 from mrjax.recipe.size_checks import refuse_tiny
 from mrjax.recipe.sizes import Sizes
 
@@ -21,18 +18,9 @@ MODULI = ("elastic_modulus", "poisson_ratio")
 """Keys of a solid that only contacts use."""
 
 
-def _above_zero(key: str, value: object, remedy: str = "a number") -> float:
-    """Checks a number above zero and returns it as a float."""
-    if not isinstance(value, int | float) or isinstance(value, bool) or not 0 < value < math.inf:
-        raise ValueError(f"{key} = {shown(value)}: must be {remedy} above zero, finite")
-    if not sheets.SMALLEST <= value <= sheets.LARGEST:
-        raise ValueError(f"{key} = {shown(value)}: must be {remedy} between 1e-30 and 1e30")
-    return float(value)
-
-
 def _diameter(value: Any) -> float | Sizes:
     if isinstance(value, int | float) and not isinstance(value, bool):
-        diameter = _above_zero("particle.diameter", value, "the diameter in m")
+        diameter = above_zero("particle.diameter", value, "the diameter in m")
         refuse_tiny("particle.diameter", diameter)
         return diameter
     try:
@@ -163,43 +151,15 @@ class Drag(Sheet):
     @field_validator("f_w", mode="before")
     @classmethod
     def _a_closure_or_a_factor(cls, f_w: Any) -> float | str | dict[str, float | str]:
-        names = ", ".join(drag.CLOSURES)
-        if isinstance(f_w, int | float):
-            return _above_zero("drag.f_w", f_w, f"a closure's name ({names}) or a number")
-        if not isinstance(f_w, str | dict):
-            raise ValueError(
-                f"drag.f_w = {shown(f_w)}: must be a closure's name, a table "
-                f"{{closure = name, ...}} or a number above zero"
-            )
-        sheet = {"closure": f_w} if isinstance(f_w, str) else f_w
-        if "closure" not in sheet:
-            raise ValueError(
-                f"drag.f_w = {shown(f_w)}: names no closure; add closure = one of {names}"
-            )
-        closure = drag.CLOSURES.get(str(sheet["closure"]))
-        if closure is None:
-            hint = sheets.did_you_mean(str(sheet["closure"]), drag.CLOSURES)
-            raise ValueError(
-                f"drag.f_w = {shown(f_w)}: no such closure; {hint}give a number or one of {names}"
-            )
-        valid = list(inspect.signature(closure).parameters)[1:]
-        for key in [key for key in sheet if key not in ("closure", *valid)]:
-            raise ValueError(
-                f"drag.f_w.{shown_key(key)} = {shown(sheet[key])}: {sheet['closure']} has no such "
-                f"coefficient; known: {', '.join(valid) or 'none'}"
-            )
-        if isinstance(f_w, str):
-            return f_w
-        numbers = {key: _above_zero(f"drag.f_w.{key}", f_w[key]) for key in f_w if key != "closure"}
-        return {"closure": f_w["closure"], **numbers}
+        return closures.checked(f_w)
 
     @field_validator("f_s", mode="before")
     @classmethod
     def _a_factor_or_dimensions(cls, f_s: Any) -> float | list[float]:
         if isinstance(f_s, int | float):
-            return _above_zero("drag.f_s", f_s, "[d_max, d_med, d_min] or a number")
+            return above_zero("drag.f_s", f_s, "[d_max, d_med, d_min] or a number")
         try:
-            largest, medium, smallest = (_above_zero("drag.f_s", value) for value in f_s)
+            largest, medium, smallest = (above_zero("drag.f_s", value) for value in f_s)
             if not largest >= medium >= smallest:
                 raise ValueError
         except (TypeError, ValueError):

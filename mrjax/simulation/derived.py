@@ -10,7 +10,9 @@ from jax.typing import ArrayLike
 from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.core.parameters import Parameters
 from mrjax.core.units import MM_PER_DAY
-from mrjax.laws import closed_forms, dimensionless, time_scales
+from mrjax.laws import closed_forms, dimensionless, drag, time_scales
+from mrjax.laws.closures import brzinski_durian
+from mrjax.laws.closures.richardson_zaki import RICHARDSON_ZAKI_EXPONENT
 from mrjax.recipe import contacts
 from mrjax.recipe.recipe import Recipe
 from mrjax.simulation import estimates
@@ -53,7 +55,26 @@ def notes(recipe: Recipe) -> list[str]:
     """Remarks on assumptions, inconsistencies and quantities that `derived` leaves out, and why."""
     lacking = contacts.missing(recipe)
     omissions = [f"times and steps of contacts are left out: {lacking}"] if lacking else []
-    return [*recipe.notes, *recipe.contact_notes, *omissions]
+    return [*recipe.notes, *recipe.contact_notes, *omissions, branch_note(recipe)]
+
+
+def branch_note(recipe: Recipe) -> str:
+    """The branch of hindered settling at the Peclet number of a recipe, in words."""
+    number = recipe.peclet_number
+    branch = brzinski_durian.branch(number)
+    side = "below" if branch == "low" else "above"
+    note = (
+        f"at a Peclet number of {number:.2g}, {side} {brzinski_durian.CROSSOVER:.0e}, hindered "
+        f"settling is on the {branch} branch of Brzinski & Durian (2018), with an exponent of "
+        f"{brzinski_durian.BRANCHES[branch]:g}"
+    )
+    closure = recipe.closure
+    if closure is None or closure.func is not drag.richardson_zaki:
+        return note
+    exponent = closure.keywords.get("exponent", RICHARDSON_ZAKI_EXPONENT)
+    others = [name for name, value in brzinski_durian.BRANCHES.items() if value == exponent]
+    place = f"the {others[0]} branch" if others else "neither branch"
+    return f"{note}; {exponent:g}, that of its richardson-zaki, is on {place}"
 
 
 Row = tuple[str, str, ArrayLike, str]

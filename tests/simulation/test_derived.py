@@ -1,5 +1,6 @@
 """What follows from a lab sheet, and where the model's assumptions end."""
 
+import re
 from functools import partial
 
 import pytest
@@ -69,11 +70,13 @@ def test_what_only_contacts_have_is_left_out_where_moduli_are_missing():
         86400e3 * 2.507e-4 / found["f_w"].value,
         rel=1e-6,
     )
-    box, left_out = derived.notes(CHALK)
+    box, left_out, branch = derived.notes(CHALK)
+    assert "below 1e+08, hindered settling is on the low branch" in branch
     assert box.startswith("no box is given: one of ") and "300 particles" in box
     assert left_out.startswith("times and steps of contacts are left out: particle.elastic_modulus")
-    assumed, same_box = derived.notes(stone)
-    assert same_box == box and "assumed for a mineral" in assumed
+    assumed, same_box, same_branch = derived.notes(stone)
+    assert (same_box, same_branch) == (box, branch)
+    assert "assumed for a mineral" in assumed
 
 
 def test_what_only_contacts_have_is_left_out_where_a_box_holds_no_particle():
@@ -85,8 +88,30 @@ def test_what_only_contacts_have_is_left_out_where_a_box_holds_no_particle():
     found = {one.key: one.value for one in derived.derived(dilute)}
     assert not OF_CONTACTS & found.keys()
     assert found["particles"] == 0 and found["largest_diameter"] == near(20.0, rel=1e-12)
-    (left_out,) = derived.notes(dilute)
+    left_out, _ = derived.notes(dilute)
     assert "box.size = [0.00012, 0.00012, 0.00024]: holds 1e-06 of its volume" in left_out
+
+
+@pytest.mark.parametrize(
+    "diameter, f_w, said",
+    [
+        (4e-6, "son2018", r"number of 1.1e\+03, below .* the low branch .* an exponent of 5\.6$"),
+        (4e-4, "brzinski-durian", r"number of 1.1e\+11, above .* the high branch .* of 4\.48$"),
+        (
+            4e-6,
+            "richardson-zaki",
+            r"5\.6; 4\.65, that of its .*, is on neither branch$",
+        ),
+        (
+            4e-6,
+            {"closure": "richardson-zaki", "exponent": 4.48},
+            r"4\.48, that of its richardson-zaki, is on the high branch$",
+        ),
+    ],
+)
+def test_the_branch_of_hindered_settling_is_said(case2, diameter, f_w, said):
+    recipe = case2.replace(particle={"diameter": diameter}, drag={"f_w": f_w}, box=None)
+    assert re.search(said, derived.notes(recipe)[-1])
 
 
 def test_contacts_too_viscous_for_any_step_are_refused(case2):
