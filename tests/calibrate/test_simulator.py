@@ -63,7 +63,7 @@ def test_the_example_of_the_page_is_of_twenty_lines():
 def test_the_examples_of_the_page_agree_with_each_other_and_with_scipy(documented):
     """Gauss-Newton's covariance of both; scipy's own slopes are one-sided, exact to 1e-8."""
     first, _ = documented
-    found = [names["found"] for names in documented]
+    found = [names["calibration"] for names in documented]
     assert [one.problem.traced for one in found] == [True, False]
     times, stress = np.array(first["time"]), first["stress"]
 
