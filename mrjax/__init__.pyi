@@ -15,6 +15,8 @@ from .continuum.column import Column as Column
 from .continuum.column import column as column
 from .continuum.column import column_steps as column_steps
 from .continuum.compression import Compression as Compression
+from .continuum.sizes.column import PolydisperseColumn as PolydisperseColumn
+from .continuum.sizes.column import polydisperse_column as polydisperse_column
 from .core.box import Box as Box
 from .core.errors import InputError as InputError
 from .core.errors import SimulationError as SimulationError

@@ -66,8 +66,8 @@ def refuse(case: Case) -> None:
         )
     checks.refuse_bad_parameters(case.parameters, 1, None, contacts=False)
     for bound in (*bounds(case), *compression_bounds(case)):
-        _refuse_number(bound)
-    _refuse_times(case.times)
+        refuse_number(bound)
+    refuse_times(case.times)
 
 
 def possible(case: Case, flux: kynch.Table) -> Array:
@@ -102,7 +102,7 @@ def refuse_not_settling(flux: kynch.Table) -> None:
             )
 
 
-def _refuse_number(bound: Bound) -> None:
+def refuse_number(bound: Bound) -> None:
     """Refuses a number out of its bounds; a traced one passes unchecked.
 
     Raises:
@@ -134,7 +134,7 @@ def _known_limit(limit: ArrayLike | None) -> float:
     return 1.0 if number is None else float(number)
 
 
-def _refuse_times(times: Array | np.ndarray) -> None:
+def refuse_times(times: Array | np.ndarray) -> None:
     """Refuses times that are no row of increasing numbers from 0; traced times pass unchecked.
 
     Raises:

@@ -74,6 +74,10 @@ class Percentiles:
         lower, upper = nodes[row] ** -3.0, nodes[row + 1] ** -3.0
         return (lower + part * (upper - lower)) ** (-1.0 / 3.0)
 
+    def volume_quantiles(self, shares: np.ndarray) -> np.ndarray:
+        """Returns the diameters below which these shares of the volume lie; m."""
+        return np.exp(np.interp(shares, SHARES, np.log(self._nodes())))
+
     def _nodes(self) -> np.ndarray:
         """Returns d0, d10, d50, d90 and d100, (5,) in m."""
         least = self.d10 * (self.d10 / self.d50) ** 0.25

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Self
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.typing import DTypeLike
 from pydantic import ValidationError, model_validator
@@ -16,8 +17,9 @@ from pydantic import ValidationError, model_validator
 from mrjax.core.box import Box
 from mrjax.core.errors import InputError
 from mrjax.core.parameters import Parameters
-from mrjax.recipe import assumptions, contacts, plausibility, sheets
+from mrjax.recipe import assumptions, contacts, plausibility, sheets, size_classes
 from mrjax.recipe.sheets import Sheet
+from mrjax.recipe.size_classes import SizeClasses
 from mrjax.recipe.suspension import Suspension
 from mrjax.recipe.tables import MODULI, Wall
 
@@ -126,6 +128,32 @@ class Recipe(Suspension):
         )
         with jax.ensure_compile_time_eval():
             return parameters.astype(dtype)
+
+    def size_classes(self, count: int = 10, dtype: DTypeLike = float) -> SizeClasses:
+        """Returns the particles as classes of equal volume, for `mrjax.polydisperse_column`.
+
+        Diameters that the sheet lists stay as they are, each one a class. All classes have the
+        coating's f_r, and therefore one density.
+
+        Args:
+          count: number K of classes of a log-normal distribution or of percentiles.
+          dtype: dtype of the leaves; `float` is JAX's default.
+
+        Raises:
+          InputError: `count` is no number of classes.
+
+        Example:
+          >>> powder = mrjax.Recipe.load("case2").replace(
+          ...     particle={"diameter": {"median": 4e-6, "geometric_standard_deviation": 1.5}}
+          ... )
+          >>> print(1e6 * powder.size_classes(3).diameters.round(8))
+          [ 4.38  6.62 10.76]
+        """
+        diameters, shares = size_classes.divide(self.particle.diameter, count)
+        with jax.ensure_compile_time_eval():
+            parameters = self.parameters(dtype).replace(radius=jnp.asarray(diameters / 2, dtype))
+            fractions = jnp.asarray(self.coated_volume_fraction * shares, dtype)
+        return SizeClasses(parameters, fractions, diameters)
 
     @model_validator(mode="after")
     def _whole_and_plausible(self) -> Self:

@@ -66,6 +66,13 @@ class Classes:
         row = np.minimum(np.searchsorted(cumulative, quantiles), len(order) - 1)
         return np.array(self.values)[order][row]
 
+    def by_volume(self) -> tuple[np.ndarray, np.ndarray]:
+        """Returns the diameters, (K,) in m, ascending, and their shares of the volume, (K,); 1."""
+        order = np.argsort(self.values)
+        values = np.array(self.values)[order]
+        volumes = self._number_fractions()[order] * values**3
+        return values, volumes / volumes.sum()
+
     def _mean_power(self, power: int) -> float:
         return float(self._number_fractions() @ np.array(self.values) ** power)
 
@@ -130,6 +137,13 @@ class LogNormal:
 
         quantiles = (np.arange(particles) + 0.5) / particles
         return self.number_median * np.exp(self._log_spread * ndtri(quantiles))
+
+    def volume_quantiles(self, shares: np.ndarray) -> np.ndarray:
+        """Returns the diameters below which these shares of the volume lie; m."""
+        from scipy.special import ndtri
+
+        median = self.number_median * math.exp(3.0 * self._log_spread**2)
+        return median * np.exp(self._log_spread * ndtri(shares))
 
     @property
     def _log_spread(self) -> float:

@@ -54,6 +54,37 @@ def test_log_normal(by):
     assert np.mean(found**3) == near(cube, rel=1e-3)
 
 
+@pytest.mark.parametrize("by", ["number", "volume"])
+def test_classes_of_equal_volume(by, case3):
+    """Each class settles with the mean of d^2 by volume between its quantiles."""
+    median, sigma = 3e-6, np.log(SPREAD)
+    table = {"median": median, "geometric_standard_deviation": SPREAD, "by": by}
+    recipe = case3.replace(particle={"diameter": table})
+    classes = recipe.size_classes(4)
+    volume = lognorm(sigma, scale=median * np.exp(3 * sigma**2 * (by == "number")))
+    for number, diameter in enumerate(classes.diameters):
+        inner = volume.ppf(np.array([number, number + 1]) / 4)
+        square, _ = quad(lambda d: d**2 * 1e12 * volume.pdf(d), *np.clip(inner, 1e-8, 1e-4))
+        assert diameter == near(1e-6 * np.sqrt(4 * square), rel=2e-3)
+    assert np.asarray(classes.parameters.radius) == near(classes.diameters / 2)
+    assert np.asarray(classes.volume_fraction) == near(
+        np.full(4, recipe.coated_volume_fraction / 4)
+    )
+
+
+def test_classes_of_percentiles_and_of_lists(case3):
+    percentiles = case3.replace(particle={"diameter": {"d10": 2e-6, "d50": 3e-6, "d90": 4e-6}})
+    classes = percentiles.size_classes(20)
+    mean_square = np.mean(classes.diameters**2)
+    assert np.sqrt(mean_square) == near(percentiles.particle.diameter.settling_diameter)
+    stated = {"values": [4e-6, 2e-6], "fractions": [0.25, 0.75], "by": "volume"}
+    listed = case3.replace(particle={"diameter": stated}).size_classes()
+    assert listed.diameters == near(np.array([2e-6, 4e-6]))
+    share = np.asarray(listed.volume_fraction) / case3.coated_volume_fraction
+    assert share == near(np.array([0.75, 0.25]))
+    assert case3.size_classes(7).volume_fraction.shape == (1,)
+
+
 @pytest.mark.parametrize(
     "table",
     [

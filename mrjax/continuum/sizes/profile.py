@@ -1,0 +1,117 @@
+"""The result of a polydisperse column: profiles of the classes, heights of fronts, compositions."""
+
+from dataclasses import dataclass
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+from jax.typing import ArrayLike
+
+from mrjax.continuum.sizes import interfaces
+
+PACKED = 0.95
+"""Part of phi_m above which a layer counts as bed."""
+
+
+@jax.tree_util.register_dataclass
+@dataclass(frozen=True)
+class PolydisperseColumn:
+    """A settling column of K classes of particles at T times, in C cells from the floor.
+
+    If a traced call has impossible arguments, or too few steps, every number except the times and
+    the number of steps is NaN.
+    """
+
+    times: Array
+    """Output times, (T,) in s."""
+    mudline: Array
+    """Height of the interface to the supernatant, (T,) in m.
+
+    The total volume fraction below it exceeds `threshold` times the initial one. A sharp front is
+    located by particle volume, and where layers pass smoothly into each other the level itself is
+    interpolated (`mudline_at`). If the particles rise, it is the lower interface.
+    """
+    bed_front: Array
+    """Height of the top of the bed, (T,) in m; of its bottom, if it is under the lid.
+
+    The total volume fraction in the bed exceeds 0.95 phi_m.
+    """
+    sedimentation_ratio: Array
+    """Height of the mudline over the initial height; 1, (T,)."""
+    volume_fraction: Array
+    """Mean total volume fraction of every cell; 1, (T, C)."""
+    class_fractions: Array
+    """Mean volume fraction of each class in every cell; 1, (T, K, C)."""
+    bed_composition: Array
+    """Volume of each class over that of all particles in the bed; 1, (T, K), zero without a bed."""
+    supernatant_fractions: Array
+    """Mean volume fraction of each class above the mudline; 1, (T, K), zero without supernatant."""
+    levels: Array
+    """Heights of the middles of the cells, (C,) in m."""
+    initial_height: Array
+    """Height of the suspension at the start, m, ()."""
+    initial_fractions: Array
+    """Initial volume fraction of each class; 1, (K,)."""
+    bed_fraction: Array
+    """phi_m, volume fraction of the bed; 1, ()."""
+    threshold: Array
+    """Share of the initial volume fraction that defines the mudline; 1, ()."""
+    rising: Array
+    """True if the particles rise, (); the bed is then under the lid."""
+    steps: Array
+    """Number of steps up to the last of the times, ()."""
+
+    def mudline_at(self, threshold: ArrayLike) -> Array:
+        """Height of the mudline for another threshold, (T,) in m.
+
+        Args:
+          threshold: share of the initial total volume fraction, between 0 and 1; ().
+        """
+        upright = jnp.where(self.rising, self.volume_fraction[:, ::-1], self.volume_fraction)
+        level = jnp.asarray(threshold) * jnp.sum(self.initial_fractions)
+        heights = interfaces.crossings(upright, level, self.bed_fraction)
+        height = heights * (self.initial_height / upright.shape[1])
+        return jnp.where(self.rising, self.initial_height - height, height)
+
+
+def polydisperse_column(
+    profiles: Array, initial: Array, densest: Array, threshold: Array, height: Array, rising: Array
+) -> dict[str, Array]:
+    """Returns the fields that follow from profiles of particles that sink.
+
+    Args:
+      profiles: volume fractions, (T, K, C).
+      initial: initial volume fractions, (K,).
+      densest: phi_m, ().
+      threshold: share of the initial total, ().
+      height: initial height, m, ().
+      rising: True if the column is a mirror image, ().
+    """
+    cells = profiles.shape[-1]
+    total = jnp.sum(profiles, axis=1)
+    mudline = interfaces.crossings(total, threshold * jnp.sum(initial), densest)
+    bed = interfaces.crossings(total, PACKED * densest, densest)
+    in_bed = interfaces.volume_below(profiles, bed)
+    above = jnp.sum(profiles, axis=-1) - interfaces.volume_below(profiles, mudline)
+    clear = jnp.maximum(cells - mudline, 0.0)[:, None]
+    cell = height / cells
+
+    def level(count: Array) -> Array:
+        return jnp.where(rising, height - cell * count, cell * count)
+
+    return {
+        "mudline": level(mudline),
+        "bed_front": level(bed),
+        "sedimentation_ratio": mudline / cells,
+        "volume_fraction": jnp.where(rising, total[:, ::-1], total),
+        "class_fractions": jnp.where(rising, profiles[..., ::-1], profiles),
+        "bed_composition": _quotient(in_bed, jnp.sum(in_bed, axis=1, keepdims=True)),
+        "supernatant_fractions": _quotient(above, clear),
+        "levels": cell * (jnp.arange(cells, dtype=initial.dtype) + 0.5),
+    }
+
+
+def _quotient(part: Array, whole: Array) -> Array:
+    """Returns part / whole, and zero where the whole is zero."""
+    some = whole > 0.0
+    return jnp.where(some, part / jnp.where(some, whole, 1.0), 0.0)

@@ -1,0 +1,52 @@
+"""Classes of particles from the distribution of a lab sheet, for columns of several sizes."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jax import Array
+
+from mrjax.core import checks
+from mrjax.core.parameters import Parameters
+from mrjax.recipe.sizes import Classes, Sizes
+
+MOST_CLASSES = 1000
+NODES = 32
+"""Quantiles of a class over which d^2 is averaged, by Gauss and Legendre."""
+
+
+class SizeClasses(NamedTuple):
+    """K classes of particles, from fine to coarse."""
+
+    parameters: Parameters
+    """Parameters with one radius for each class, (K,)."""
+    volume_fraction: Array
+    """Volume fraction of the coated particles of each class; 1, (K,)."""
+    diameters: np.ndarray
+    """Diameter of the uncoated particles of each class, (K,) in m, ascending."""
+
+
+def divide(diameter: float | Sizes, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Divides a distribution into classes of equal volume.
+
+    The diameter of a class is the root of its mean d^2 by volume, so that it settles with the mean
+    Stokes velocity of its particles.
+
+    Args:
+      diameter: one diameter in m, or a distribution.
+      count: number of classes of a continuous distribution.
+
+    Returns:
+      Diameters, (K,) in m, ascending, and their shares of the volume, (K,).
+
+    Raises:
+      InputError: `count` is no number of classes.
+    """
+    count = checks.whole(count, "count", MOST_CLASSES)
+    if isinstance(diameter, float):
+        return np.array([diameter]), np.ones(1)
+    if isinstance(diameter, Classes):
+        return diameter.by_volume()
+    node, weight = np.polynomial.legendre.leggauss(NODES)
+    quantiles = (np.arange(count)[:, None] + 0.5 * (node + 1.0)) / count
+    squares = diameter.volume_quantiles(quantiles) ** 2 @ (0.5 * weight)
+    return np.sqrt(squares), np.full(count, 1.0 / count)
