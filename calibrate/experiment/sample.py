@@ -139,6 +139,9 @@ class Sample:
     """Heights and times at which concentrations were measured, (Q,)."""
     concentrations: tuple[LocalTable, ...] = ()
     """Tables of those concentrations."""
+    mudline_threshold: float = 0.5
+    """Share of the initial volume fraction that the suspension below the mudline exceeds, for
+    particles of several sizes."""
 
     @property
     def readings_of_curve(self) -> tuple[Measurement, ...]:

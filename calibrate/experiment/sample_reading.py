@@ -69,6 +69,7 @@ def read_sample(
         curve_scatter,
         tuple(measurement.point for measurement in local if measurement.point is not None),
         tuple(tables),
+        sheet.mudline_threshold,
     )
 
 

@@ -65,6 +65,12 @@ class SampleSheet(Sheet):
         default=None,
         description='the volume fraction of coated particles in the bed at rest, or "particles"',
     )
+    mudline_threshold: float = Field(
+        default=0.5,
+        gt=0,
+        lt=1,
+        description="the share of the initial volume fraction at the mudline, between 0 and 1",
+    )
     initial_velocity: InitialVelocity | None = Field(
         default=None, description="a table with value, standard_deviation and unit"
     )

@@ -10,6 +10,7 @@ import mrjax
 from calibrate.experiment.sample import Sample
 from calibrate.experiment.suspension import Suspension
 from calibrate.models.bed import final_ratio, fraction_of_bed, simulated_fraction
+from calibrate.models.polydisperse import has_several_sizes, polydisperse
 from calibrate.models.prediction import (
     ForwardModel,
     Prediction,
@@ -17,7 +18,6 @@ from calibrate.models.prediction import (
     prediction,
     terminal_velocities,
 )
-from mrjax import InputError
 from mrjax.continuum import characteristics, column_checks, kynch
 
 
@@ -32,12 +32,14 @@ def column(
 
     The mudline is exact, by the characteristics that meet it: `mrjax.column` converges to it with
     more cells. The cost does not grow with the time of a reading. Without local drag in the recipe
-    it is the closed form.
+    it is the closed form. Particles of several sizes settle in classes (`polydisperse`).
 
     Raises:
-      InputError: the volume fraction of the bed is not known, particles are of several sizes, or do
-        not settle at every fraction up to that of the bed.
+      InputError: the volume fraction of the bed is not known, or particles do not settle at every
+        fraction up to that of the bed.
     """
+    if has_several_sizes(near):
+        return polydisperse(sample, near, seed, varied, checkpoint)
     bed = simulated_fraction(sample, near, seed, varied, checkpoint)
     reading_times, height = jnp.asarray(sample.times, float), jnp.asarray(sample.height, float)
 
@@ -47,7 +49,6 @@ def column(
         return kynch.table(suspension.parameters, suspension.hindrance, initial, densest)
 
     if sample.times or sample.points:
-        refuse_several_sizes(sample, near)
         column_checks.refuse_not_settling(flux_of(near))
 
     @jax.jit  # one program for calls with plain numbers, too
@@ -68,27 +69,3 @@ def column(
         return prediction(sample, suspension, velocity, final, ratio, velocities, local)
 
     return predict
-
-
-def refuse_several_sizes(sample: Sample, near: Suspension) -> None:
-    """Refuses particles of several sizes, and names the single size that is equivalent.
-
-    Stokes' velocity is proportional to d^2, and each particle counts by its mass, d^3. The diameter
-    with the mean velocity by mass is therefore the root of the mean of d^2 by volume.
-
-    Raises:
-      InputError: the particles fall at several velocities.
-    """
-    if not jnp.ndim(mrjax.terminal_velocity(near.parameters)):
-        return
-    diameter = sample.recipe.particle.diameter
-    instead = "one diameter"
-    if not isinstance(diameter, float):
-        instead = (
-            f"particle.diameter = {diameter.settling_diameter:.4g}, whose velocity is their mean "
-            "by mass (root of the mean of d^2 by volume)"
-        )
-    raise InputError(
-        f"sample {sample.name!r}: the particles of its recipe are of several sizes, and a column "
-        f"settles as equal ones; give {instead}, or fit with another model"
-    )

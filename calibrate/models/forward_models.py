@@ -7,6 +7,7 @@ SI units. Work that does not depend on the varied parameters is done once.
 
 from calibrate.models.closed_form import closed_form
 from calibrate.models.column import column
+from calibrate.models.one_size import column_of_one_size
 from calibrate.models.particles import particles
 from calibrate.models.prediction import ForwardModelMaker
 from mrjax import InputError
@@ -30,8 +31,16 @@ HOLD_EVERYWHERE: tuple[ForwardModelMaker, ...] = (closed_form, column)
 """Models that hold far from the values they are prepared for, too."""
 
 
-def cheap_model(make: ForwardModelMaker) -> ForwardModelMaker | None:
-    """The cheap model of a forward model; None for a user's own model."""
+def cheap_model(make: ForwardModelMaker, several_sizes: bool = False) -> ForwardModelMaker | None:
+    """The cheap model of a forward model; None for a user's own model.
+
+    Args:
+      make: the forward model.
+      several_sizes: whether a sample has particles of several sizes, which `column` settles by
+        finite volumes.
+    """
+    if several_sizes and make is column:
+        return column_of_one_size
     return next((cheap for expensive, cheap in CHEAP.items() if expensive is make), None)
 
 

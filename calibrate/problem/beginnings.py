@@ -56,7 +56,8 @@ def beginnings(
       InputError: as for `Problem.prepare`.
     """
     make = forward_model(model)
-    cheap = cheap_model(make)
+    sizes = (sample.recipe.particle.diameter for sample in experiment.samples)
+    cheap = cheap_model(make, any(not isinstance(diameter, float) for diameter in sizes))
     if _simulates_a_bed(experiment):
         cheap = None
     models = Problem.prepare(experiment, cheap, seed).models if cheap else ()

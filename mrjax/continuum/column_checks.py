@@ -62,7 +62,8 @@ def refuse(case: Case) -> None:
     if velocity != ():
         raise InputError(
             f"parameters are those of {velocity} particles; all particles of a column are equal: "
-            "give one number for each parameter, such as the radius of the mean settling velocity"
+            "give one number for each parameter, such as the radius of the mean settling velocity, "
+            "or call polydisperse_column"
         )
     checks.refuse_bad_parameters(case.parameters, 1, None, contacts=False)
     for bound in (*bounds(case), *compression_bounds(case)):

@@ -477,12 +477,22 @@ def test_a_model_may_be_given_as_such(tube):
     assert of_column.everywhere and not of_own.everywhere
 
 
-def test_a_column_of_several_sizes_is_refused_by_the_name_of_its_sample(tube):
+def test_a_column_of_several_sizes_has_the_threshold_of_its_sample(tube):
     recipe = (tube.parent / "local.toml").read_text()
     recipe = re.sub(r"diameter = 4e-6", "diameter = {values = [3e-6, 5e-6]}", recipe)
     (tube.parent / "local.toml").write_text(recipe)
-    with pytest.raises(mrjax.InputError, match=r"sample 'A': the particles .* several sizes"):
-        Problem.prepare(Experiment.load(tube), "column")
+    text = tube.read_text()
+    predicted = []
+    for threshold in ("", "mudline_threshold = 0.05\n"):
+        tube.write_text(text.replace("[[sample]]\n", f"[[sample]]\n{threshold}", 1))
+        problem = Problem.prepare(Experiment.load(tube), "column")
+        assert problem.everywhere
+        predicted.append(np.asarray(problem.predict(problem.start)))
+    assert np.isfinite(predicted).all()
+    assert (predicted[1] >= predicted[0] - 1e-9).all() and (predicted[1] > predicted[0]).any()
+    tube.write_text(text.replace("[[sample]]\n", "[[sample]]\nmudline_threshold = 1.0\n", 1))
+    with pytest.raises(mrjax.InputError, match="mudline_threshold"):
+        Experiment.load(tube)
 
 
 def test_a_bed_nobody_told_of_is_refused(tube):

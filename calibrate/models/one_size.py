@@ -1,0 +1,47 @@
+"""The tube of several sizes as one of the size that settles with their mean velocity.
+
+Searches run it thousands of times in place of `polydisperse`.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import jax.numpy as jnp
+from jax import Array
+
+from calibrate.experiment.sample import Sample
+from calibrate.experiment.suspension import Suspension
+from calibrate.models.column import column
+from calibrate.models.polydisperse import has_several_sizes
+from calibrate.models.prediction import ForwardModel, Prediction
+
+
+def column_of_one_size(
+    sample: Sample,
+    near: Suspension,
+    seed: int = 0,
+    varied: tuple[str, ...] = (),
+    checkpoint: Path | None = None,
+) -> ForwardModel:
+    """The column of equal particles whose velocity is the mean of all by mass.
+
+    Stokes' velocity is proportional to d^2, and each particle counts by its mass, d^3. The diameter
+    is therefore the root of the mean of d^2 by volume. A sample of one size is the column itself.
+
+    Raises:
+      InputError: as for `column`.
+    """
+    diameter = sample.recipe.particle.diameter
+    if isinstance(diameter, float) or not has_several_sizes(near):
+        return column(sample, near, seed, varied, checkpoint)
+    radius = jnp.asarray(diameter.settling_diameter / 2, float)
+
+    def one_size(suspension: Suspension) -> Suspension:
+        return replace(suspension, parameters=suspension.parameters.replace(radius=radius))
+
+    settle = column(sample, one_size(near), seed, varied, checkpoint)
+
+    def predict(suspension: Suspension, *times: Array) -> Prediction:
+        return settle(one_size(suspension), *times)
+
+    return predict
