@@ -20,6 +20,7 @@ NAMES = (
     "fit_your_own_data",
     "design_a_recipe",
     "your_own_force",
+    "sizes",
 )
 QUICK = ("fit_your_own_data",)
 """What the others show, tests of their own guard in an ordinary run."""
