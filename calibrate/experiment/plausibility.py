@@ -15,6 +15,7 @@ from calibrate.experiment.sample import Measurement, Sample
 from calibrate.experiment.suspension import Suspension
 from calibrate.experiment.units import CURVES, TIME_UNITS, VOLUME_UNITS
 from mrjax import InputError, Recipe, terminal_velocity
+from mrjax.laws import yield_stress
 from mrjax.recipe.plausibility import RANDOM_CLOSE_PACKING
 
 ERRORS = 3.0
@@ -224,6 +225,16 @@ def _readings(sample: Sample) -> tuple:
 def _absurd_speed(sample: Sample, suspension: Suspension) -> Iterator[str]:
     """Warnings about speeds far from that of the recipe with the medians; one for each table."""
     expected = _expected(suspension)
+    if expected == 0.0:
+        stress = np.asarray(suspension.parameters.yield_stress)
+        threshold = np.max(yield_stress.critical_yield_stress(suspension.parameters))
+        yield (
+            f"sample {sample.name!r}: with the medians, a yield stress of "
+            f"{float(stress):.3g} Pa holds all particles, which move "
+            f"below {float(threshold):.3g} Pa: a fit has no slope there; give yield_stress a "
+            "smaller median, or start"
+        )
+        return
     for measurement in sample.measurements:
         if measurement.observable == "initial_velocity":
             expected_here, where = expected, ""

@@ -112,6 +112,11 @@ def refuse_unknown(name: str, recipe: Recipe, parameters: Parameters) -> None:
             f"no such quantity; {did_you_mean(name, [*known, *LEAVES])}known: {', '.join(known)}, "
             "and the other leaves of mrjax.Parameters"
         )
+    if getattr(parameters, name) is None:
+        raise InputError(
+            f"the recipe {recipe.name} has no {name}; state it in [fluid], and a consistency in "
+            "place of the viscosity for a flow_index"
+        )
     if jnp.ndim(getattr(parameters, name)):
         raise InputError(
             f"the recipe {recipe.name} has more than one value of it, for sizes or surfaces; fit "

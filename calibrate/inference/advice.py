@@ -158,6 +158,8 @@ def _bends(curve: _Curve) -> bool:
 def _unit_causes(experiment: Experiment, sample: Sample) -> Iterator[str]:
     """Sentences on units and factors that bring the speed of a sample much nearer to the priors."""
     expected, spread = _believed_speed(experiment, sample)
+    if expected == 0.0:  # a yield stress holds the particles
+        return
     slope = initial_slope(sample)
     if slope is not None and sample.curve is not None:
         stated_unit = sample.curve.time_unit
@@ -195,7 +197,8 @@ def _believed_speed(experiment: Experiment, sample: Sample) -> tuple[float, floa
         speed_with_change = speed(
             {**medians, parameter.variable: medians[parameter.variable] * float(np.exp(spread))}
         )
-        variance += float(np.log(speed_with_change / expected)) ** 2
+        if expected > 0.0 and speed_with_change > 0.0:
+            variance += float(np.log(speed_with_change / expected)) ** 2
     return expected, variance**0.5
 
 

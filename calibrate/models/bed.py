@@ -11,6 +11,7 @@ from calibrate.experiment.sample import Sample
 from calibrate.experiment.suspension import BED, CLOSURE, Suspension
 from calibrate.experiment.units import CURVES
 from mrjax import InputError
+from mrjax.laws import yield_stress
 from mrjax.observables import interface
 from mrjax.simulation.overlap import OVERLAP
 
@@ -38,9 +39,18 @@ def fraction_of_bed(suspension: Suspension, bed: float | None) -> Array | None:
 
 
 def final_ratio(suspension: Suspension, bed: float | None) -> ArrayLike:
-    """Final over initial height, phi_0 / phi_bed, with all particles in the bed."""
+    """Final over initial height, phi_0 / phi_bed, with all particles in the bed.
+
+    It is 1 if a yield stress holds all particles.
+    """
     fraction = fraction_of_bed(suspension, bed)
-    return jnp.nan if fraction is None else suspension.volume_fraction / fraction
+    if fraction is None:
+        return jnp.nan
+    ratio = suspension.volume_fraction / fraction
+    if yield_stress.is_newtonian(suspension.parameters):
+        return ratio
+    still = jnp.all(mrjax.terminal_velocity(suspension.parameters) == 0.0)
+    return jnp.where(still, 1.0, ratio)
 
 
 def simulated_fraction(

@@ -13,10 +13,13 @@ from calibrate.models.prediction import (
     ForwardModel,
     Layers,
     Prediction,
+    aged,
+    last_time,
     layers,
     prediction,
     terminal_velocities,
 )
+from mrjax.laws import yield_stress
 
 
 def closed_form(
@@ -40,14 +43,18 @@ def closed_form(
     reading_times = jnp.asarray(sample.times, float)
 
     def predict(suspension: Suspension, times: Array = reading_times) -> Prediction:
+        times = yield_stress.effective_times(suspension.parameters, times)
         velocity = jnp.mean(mrjax.terminal_velocity(suspension.parameters))
         final = final_ratio(suspension, bed)
+        if suspension.parameters.yield_growth is not None:
+            final = jnp.maximum(final, 1.0 - velocity * last_time(suspension) / sample.height)
         ratio = jnp.maximum(1.0 - velocity * times / sample.height, final)
         velocities = terminal_velocities(sample, suspension)
         local = jnp.zeros(0)
         if sample.points:
             fractions = suspension.volume_fraction, jnp.asarray(fraction_of_bed(suspension, bed))
-            coated = mean_fraction(*fractions, velocity, sample.height, layers(sample))
+            at = aged(layers(sample), suspension)
+            coated = mean_fraction(*fractions, velocity, sample.height, at)
             local = coated / suspension.parameters.f_r**3
         return prediction(sample, suspension, velocity, final, ratio, velocities, local)
 

@@ -14,11 +14,14 @@ from calibrate.models.polydisperse import has_several_sizes, polydisperse
 from calibrate.models.prediction import (
     ForwardModel,
     Prediction,
+    aged,
+    last_time,
     layers,
     prediction,
     terminal_velocities,
 )
 from mrjax.continuum import characteristics, column_checks, kynch
+from mrjax.laws import yield_stress
 
 
 def column(
@@ -60,10 +63,14 @@ def column(
             flux = flux_of(suspension)
             # A factor, not a `where`: so derivatives are NaN, too.
             possible = jnp.where(column_checks.settles(flux), 1.0, jnp.nan)
+            if suspension.parameters.yield_growth is not None:
+                end = characteristics.mudline(flux, height, last_time(suspension)[None])[0]
+                final = possible * end / height
         if sample.times:
-            ratio = possible * characteristics.mudline(flux, height, times) / height
+            effective = yield_stress.effective_times(suspension.parameters, times)
+            ratio = possible * characteristics.mudline(flux, height, effective) / height
         if sample.points:
-            coated = characteristics.mean_fraction(flux, height, *layers(sample))
+            coated = characteristics.mean_fraction(flux, height, *aged(layers(sample), suspension))
             local = possible * coated / suspension.parameters.f_r**3
         velocities = terminal_velocities(sample, suspension)
         return prediction(sample, suspension, velocity, final, ratio, velocities, local)

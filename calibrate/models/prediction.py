@@ -11,6 +11,7 @@ from jax import Array
 from calibrate.experiment.sample import Sample
 from calibrate.experiment.suspension import Suspension
 from mrjax import InputError, terminal_velocity
+from mrjax.laws import yield_stress
 
 Prediction = dict[str, Array]
 """Predictions by observable, in SI units; those of a curve are for all of its times.
@@ -42,6 +43,17 @@ def layers(sample: Sample) -> Layers:
     """The layers in which the concentrations of a sample were measured."""
     height, time, thickness = jnp.asarray([point[:3] for point in sample.points], float).T
     return Layers(height, time, thickness)
+
+
+def aged(at: Layers, suspension: Suspension) -> Layers:
+    """The layers at the times at which a carrier that does not age would have the same profiles."""
+    return at._replace(times=yield_stress.effective_times(suspension.parameters, at.times))
+
+
+def last_time(suspension: Suspension) -> Array:
+    """The effective time at which an ageing carrier has stopped every particle; s, ()."""
+    forever = jnp.full(1, yield_stress.FOREVER)
+    return yield_stress.effective_times(suspension.parameters, forever)[0]
 
 
 def terminal_velocities(sample: Sample, suspension: Suspension) -> Array:

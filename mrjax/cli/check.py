@@ -19,18 +19,25 @@ if TYPE_CHECKING:
 
     These are volume fractions, number of particles, densities, drag factors, settling velocity,
     time scales, and step and cost of a run to rest. Warnings name assumptions of the model that do
-    not hold. Notes name assumed values, and quantities that the recipe does not determine.
+    not hold. Notes name assumed values, quantities that the recipe does not determine, the branch
+    of hindered settling, and what moves in a fluid with a yield stress.
 
     \b
     Examples:
       mrjax check case2
       mrjax check mine.toml --json
+      mrjax check thick.toml --tube-diameter 0.02
     """,
 )
 @click.argument("recipe", shell_complete=sheet_names("mrjax.recipe.bundled"))
+@click.option(
+    "--tube-diameter",
+    type=click.FloatRange(min=0.0, min_open=True),
+    help="Inner diameter of the tube in m, whose wall may hold a suspension with a yield stress.",
+)
 @options.quiet_option
 @options.json_option
-def check(recipe: str, quiet: bool, as_json: bool) -> None:
+def check(recipe: str, tube_diameter: float | None, quiet: bool, as_json: bool) -> None:
     """Prints the derived quantities, notes and warnings of a recipe."""
     environment.start_jax("float64")
     import mrjax
@@ -39,7 +46,7 @@ def check(recipe: str, quiet: bool, as_json: bool) -> None:
 
     sheet = mrjax.Recipe.load(recipe)
     quantities, warnings = derived.derived(sheet), derived.warnings(sheet)
-    notes = derived.notes(sheet)
+    notes = derived.notes(sheet, tube_diameter)
     for warning in warnings:
         echo(f"mrjax: warning: {warning}", err=True)
     if as_json:

@@ -66,6 +66,11 @@ def refuse(case: Case) -> None:
             "or call polydisperse_column"
         )
     checks.refuse_bad_parameters(case.parameters, 1, None, contacts=False)
+    if case.compression is not None and case.parameters.yield_growth is not None:
+        raise InputError(
+            f"yield_growth = {shown(case.parameters.yield_growth)}: the stress of a compressible "
+            "bed does not age with its carrier; leave out yield_growth or compression"
+        )
     for bound in (*bounds(case), *compression_bounds(case)):
         refuse_number(bound)
     refuse_times(case.times)

@@ -18,7 +18,7 @@ from mrjax.continuum import characteristics, column_checks, compression, interfa
 from mrjax.continuum.case import Case
 from mrjax.continuum.profile import Column
 from mrjax.core.parameters import Parameters
-from mrjax.laws import particle
+from mrjax.laws import particle, yield_stress
 
 REACH = 0.5
 """Largest number of cells that a front may cross in a step. It is one half, because with linear
@@ -71,14 +71,17 @@ def solve(case: Case, *, cells: int, steps: int) -> Column:
 def until_rest(case: Case, flux: kynch.Table) -> Array:
     """Returns the output times, s, (T,), cut off at the time from which a rigid bed is at rest.
 
+    In a carrier that ages they are the times of one that does not, with the same profiles.
+
     Args:
       case: column of particles that sink.
       flux: f, in m/s.
     """
+    times = yield_stress.effective_times(case.parameters, jnp.asarray(case.times))
     if case.compression is not None:
-        return jnp.asarray(case.times)
+        return times
     rest = lax.stop_gradient(characteristics.rest_time(flux, jnp.asarray(case.height)))
-    return jnp.minimum(jnp.asarray(case.times), AT_REST * rest)
+    return jnp.minimum(times, AT_REST * rest)
 
 
 def fastest_front(case: Case, flux: kynch.Table) -> Array:

@@ -154,6 +154,8 @@ def refuse_bad_parameters(
     materials = 1 if material is None else None if index is None else int(index.max()) + 1
     for quantity in dataclasses.fields(parameters):
         leaf = getattr(parameters, quantity.name)
+        if leaf is None and quantity.metadata["optional"]:
+            continue
         values = _numbers(leaf, quantity.name)
         if quantity.metadata["pair"]:
             _refuse_table(leaf, quantity.name, materials, material is None)
@@ -180,7 +182,10 @@ def refuse_out_of_range(parameters: Parameters) -> None:
       InputError: there is such a leaf; the message names the first.
     """
     for quantity in dataclasses.fields(parameters):
-        values = _numbers(getattr(parameters, quantity.name), quantity.name)
+        leaf = getattr(parameters, quantity.name)
+        if leaf is None and quantity.metadata["optional"]:
+            continue
+        values = _numbers(leaf, quantity.name)
         if values is not None:
             _refuse_values(quantity, values)
 

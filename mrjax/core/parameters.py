@@ -32,12 +32,14 @@ def _quantity(
     pair: bool = False,
     wall: bool = False,
     contact: bool = False,
+    optional: bool = False,
     **keywords: Any,
 ) -> Any:
     """Declares a leaf: its unit, from which its dimension follows, its description, and its bounds.
 
     `pair`: the leaf is a property of two surfaces, not of one. `wall`: it is a property of the
     walls, which are all alike. `contact`: only particles in contact use it; NaN if it is unknown.
+    `optional`: None is a carrier without this property, and then no leaf of the tree.
     """
     metadata = {
         "unit": unit,
@@ -46,6 +48,7 @@ def _quantity(
         "pair": pair,
         "wall": wall,
         "contact": contact,
+        "optional": optional,
     }
     return field(metadata={**metadata, "above": above, "least": least, "most": most}, **keywords)
 
@@ -54,7 +57,9 @@ def _document(kind: T) -> T:
     """Adds the description, the unit and the default of each leaf to the docstring."""
 
     def line(leaf: dataclasses.Field) -> str:
-        default = "" if leaf.default is dataclasses.MISSING else f" Default {leaf.default:g}."
+        default = "" if leaf.default is dataclasses.MISSING else f" Default {leaf.default}."
+        if isinstance(leaf.default, float):
+            default = f" Default {leaf.default:g}."
         return f"  {leaf.name}: [{leaf.metadata['unit']}] {leaf.metadata['about']}{default}"
 
     leaves = "\n".join(map(line, dataclasses.fields(kind)))
@@ -76,7 +81,8 @@ class Parameters:
     `elastic_modulus` and `poisson_ratio` are those of the surface in contact: of the coating, if
     there is one (Son 2018, section 2.4). They are NaN if they are unknown; only particles in
     contact need them. Without a fluid (`viscosity=0, gravity=0`) the same parameters describe a
-    dry collision.
+    dry collision. `yield_stress`, `flow_index` and `yield_growth` are None in a Newtonian fluid;
+    only terminal velocities and columns use them.
     """
 
     radius: ArrayLike = _quantity("m", "R, radius of the uncoated particle (Eq. 3).", above=0.0)
@@ -182,7 +188,30 @@ class Parameters:
         "1", "Coated radius over uncoated radius (Eqs. 20, 24).", default=1.0, above=0.0
     )
 
-    def replace(self, **changes: ArrayLike) -> "Parameters":
+    yield_stress: ArrayLike | None = _quantity(
+        "Pa",
+        "tau_y of the fluid (mrjax.laws.yield_stress).",
+        default=None,
+        least=0.0,
+        optional=True,
+    )
+    flow_index: ArrayLike | None = _quantity(
+        "1",
+        "n of a fluid of Herschel & Bulkley; `viscosity` is then its consistency in Pa s^n.",
+        default=None,
+        above=0.0,
+        most=2.0,
+        optional=True,
+    )
+    yield_growth: ArrayLike | None = _quantity(
+        "Pa/s",
+        "Growth of the yield stress with time.",
+        default=None,
+        least=0.0,
+        optional=True,
+    )
+
+    def replace(self, **changes: ArrayLike | None) -> "Parameters":
         """Returns a copy of the parameters with some leaves changed.
 
         Raises:

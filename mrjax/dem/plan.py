@@ -15,6 +15,7 @@ from mrjax.core.units import Units
 from mrjax.dem.forces import Contact, Force, active_forces, with_gravity_of
 from mrjax.dem.neighbours import ListPlan
 from mrjax.dem.schedule import Schedule
+from mrjax.laws import yield_stress
 from mrjax.laws.hindrance import Hindrance, as_tree, refuse_partial
 
 
@@ -43,10 +44,12 @@ class System(NamedTuple):
           forces: list of forces; None for gravity and contact.
 
         Raises:
-          InputError: an argument has the wrong type, or the closure does not hold in the bed.
+          InputError: an argument has the wrong type, the closure does not hold in the bed, or
+            the fluid has a yield stress.
         """
         checks.require_run_inputs(state, parameters, box)
         refuse_partial(hindrance)
+        yield_stress.refuse_particles(parameters)
         active = active_forces(forces, parameters)
         return System(state, with_gravity_of(active, parameters), as_tree(hindrance), box, active)
 

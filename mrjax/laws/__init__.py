@@ -1,7 +1,7 @@
 """The formulas of the model, one law in each module, with the numbers of their equations.
 
 All are elementwise functions of `Parameters` or of arrays, in any coherent system of units: coated
-particle, drag, contacts, time scales, closed forms, dimensionless numbers, water.
+particle, drag, contacts, time scales, closed forms, dimensionless numbers, water, yield stress.
 """
 
 import lazy_loader
@@ -21,5 +21,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "time_scales",
         "vectors",
         "water",
+        "yield_stress",
     ),
 )

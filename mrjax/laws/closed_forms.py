@@ -6,7 +6,7 @@ from jax.typing import ArrayLike
 
 from mrjax.core import checks
 from mrjax.core.parameters import Parameters
-from mrjax.laws import drag, normal, particle
+from mrjax.laws import drag, normal, particle, yield_stress
 
 SERIES_BELOW = 0.1
 SERIES_ORDER = 11  # exact to rounding below the switch, three derivatives included
@@ -16,7 +16,8 @@ def terminal_velocity(parameters: Parameters) -> Array:
     """Terminal velocity beta/alpha of Eqs. 13 and 27, net weight over drag coefficient.
 
     It is positive downwards; m/s, () or (N,). f_w, f_s and f_v enter only as a product. Without
-    drag it is infinite, without drag and gravity NaN.
+    drag it is infinite, without drag and gravity NaN. In a fluid with a yield stress it is 0 from
+    the threshold of a single particle on (`mrjax.laws.yield_stress`).
 
     Example:
       >>> parameters = mrjax.Recipe.load("case1").parameters()
@@ -27,7 +28,10 @@ def terminal_velocity(parameters: Parameters) -> Array:
       InputError: `parameters` is no `Parameters`.
     """
     checks.require_class(Parameters, parameters=parameters)
-    return jnp.divide(particle.net_weight(parameters), drag.coefficient(parameters))
+    newtonian = jnp.divide(particle.net_weight(parameters), drag.coefficient(parameters))
+    if yield_stress.is_newtonian(parameters):
+        return newtonian
+    return newtonian * yield_stress.velocity_factor(parameters)
 
 
 def free_fall_velocity(
@@ -39,10 +43,14 @@ def free_fall_velocity(
     it without both. Without drag the velocity is v_0 + beta t.
 
     Args:
-      parameters: particles and fluid.
+      parameters: particles and a Newtonian fluid.
       time: time, s, of any shape that broadcasts with the parameters.
       initial_velocity: v_0, m/s, positive downwards.
+
+    Raises:
+      InputError: the fluid has a yield stress.
     """
+    yield_stress.refuse_particles(parameters)
     inertia = particle.inertia(parameters)
     decay = drag.coefficient(parameters) / inertia * time
     acceleration = particle.net_weight(parameters) / inertia

@@ -35,7 +35,7 @@ def fluid(sheet: Fluid, temperature: float) -> Fluid:
     completed = sheet.model_copy()
     laws = {"density": water.density, "viscosity": water.viscosity}
     completed.assume(
-        **{key: law(temperature) for key, law in laws.items() if key not in sheet.stated}
+        **{key: law(temperature) for key, law in laws.items() if key not in _stated(sheet)}
     )
     return completed
 
@@ -57,6 +57,11 @@ def box(recipe: Suspension) -> Box:
         count *= 2
 
 
+def _stated(sheet: Fluid) -> set[str]:
+    """Keys that the sheet states; a consistency stands in place of the viscosity."""
+    return {"viscosity" if key == "consistency" else key for key in sheet.stated}
+
+
 def _diameters(recipe: Suspension, count: int) -> np.ndarray:
     diameter = recipe.particle.diameter
     return np.full(count, diameter) if isinstance(diameter, float) else diameter.sample(count)
@@ -68,7 +73,7 @@ def notes(recipe: Suspension) -> list[str]:
     if fluid.liquid is None:
         return []
     values = {"density": f"{fluid.density:.6g} kg/m^3", "viscosity": f"{fluid.viscosity:.4g} Pa s"}
-    assumed = [f"{key} {value}" for key, value in values.items() if key not in fluid.stated]
+    assumed = [f"{key} {value}" for key, value in values.items() if key not in _stated(fluid)]
     if not assumed:
         return []
     return [f"{fluid.liquid} at {recipe.temperature:g} K has {' and '.join(assumed)}"]

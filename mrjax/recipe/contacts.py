@@ -1,4 +1,6 @@
-"""Keys that only a simulation of particles needs: moduli, and a box that holds some particles.
+"""Keys that a simulation of particles needs, and those that it cannot take.
+
+It needs moduli and a box that holds some particles, and a Newtonian fluid.
 
 The drag, the velocity and the column of a suspension do not need them.
 """
@@ -11,6 +13,14 @@ from mrjax.recipe.tables import MODULI, Coating, Particle
 
 def missing(recipe: Suspension) -> str | None:
     """Returns a message on a key that a simulation of particles lacks; None if it lacks none."""
+    fluid = recipe.fluid
+    for key in ("yield_stress", "flow_index", "yield_growth"):
+        if getattr(fluid, key) not in (None, 1.0 if key == "flow_index" else 0.0):
+            return (
+                f"fluid.{key} = {getattr(fluid, key)}: particles in contact are simulated in a "
+                "Newtonian fluid only; use mrjax.column, or fit with the models column or "
+                "closed-form"
+            )
     table, surface = _surface(recipe)
     for key in MODULI:
         if getattr(surface, key) is None:

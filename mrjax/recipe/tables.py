@@ -79,6 +79,21 @@ class Fluid(Sheet):
         default=UNSTATED, ge=1e-9, le=1e15, description="the viscosity in Pa s, above zero"
     )
     liquid: Literal["water"] | None = Field(default=None, description='"water"')
+    yield_stress: float | None = Field(
+        default=None, ge=0, le=1e9, description="the yield stress in Pa, at least 0"
+    )
+    consistency: float | None = Field(
+        default=None,
+        ge=1e-9,
+        le=1e15,
+        description="the consistency in Pa s^n, above zero, in place of the viscosity",
+    )
+    flow_index: float | None = Field(
+        default=None, ge=0.1, le=2, description="the flow index n, 0.1 to 2; 1 for a Bingham fluid"
+    )
+    yield_growth: float | None = Field(
+        default=None, ge=0, le=1e9, description="the growth of the yield stress in Pa/s, at least 0"
+    )
 
     def changed(self, changes: dict[str, Any]) -> dict[str, Any]:
         """Returns the stated keys with some changed; another liquid replaces stated properties."""
@@ -86,6 +101,18 @@ class Fluid(Sheet):
 
     @model_validator(mode="after")
     def _whole(self) -> Self:
+        if self.flow_index is not None and self.consistency is None:
+            raise ValueError(
+                f"fluid.flow_index = {self.flow_index}: needs consistency, in Pa s^n, in place of "
+                "the viscosity"
+            )
+        if self.consistency is not None:
+            if self.viscosity is not None:
+                raise ValueError(
+                    f"fluid.consistency = {self.consistency}: stands in place of viscosity; leave "
+                    "out one of the two"
+                )
+            self.assume(viscosity=self.consistency)
         for key in ("density", "viscosity") if self.liquid is None else ():
             if getattr(self, key) is None:
                 remedy = type(self).model_fields[key].description

@@ -10,10 +10,10 @@ from jax.typing import ArrayLike
 from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.core.parameters import Parameters
 from mrjax.core.units import MM_PER_DAY
-from mrjax.laws import closed_forms, dimensionless, drag, time_scales
+from mrjax.laws import closed_forms, dimensionless, drag, time_scales, yield_stress
 from mrjax.laws.closures import brzinski_durian
 from mrjax.laws.closures.richardson_zaki import RICHARDSON_ZAKI_EXPONENT
-from mrjax.recipe import contacts
+from mrjax.recipe import carrier, contacts
 from mrjax.recipe.recipe import Recipe
 from mrjax.simulation import estimates
 from mrjax.simulation.overlap import OVERLAP
@@ -51,11 +51,20 @@ def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
     return [Quantity(key, name, float(value), unit) for key, name, value, unit in quantities]
 
 
-def notes(recipe: Recipe) -> list[str]:
-    """Remarks on assumptions, inconsistencies and quantities that `derived` leaves out, and why."""
+def notes(recipe: Recipe, tube_diameter: float | None = None) -> list[str]:
+    """Remarks on assumptions, and on what matters in a suspension.
+
+    They are assumed and inconsistent values, quantities that `derived` leaves out, the branch of
+    hindered settling, and what moves in a fluid with a yield stress.
+
+    Args:
+      recipe: the lab sheet.
+      tube_diameter: inner diameter of the tube, m; None if it is not known.
+    """
     lacking = contacts.missing(recipe)
     omissions = [f"times and steps of contacts are left out: {lacking}"] if lacking else []
-    return [*recipe.notes, *recipe.contact_notes, *omissions, branch_note(recipe)]
+    moving = carrier.notes(recipe.parameters(), recipe.coated_volume_fraction, tube_diameter)
+    return [*recipe.notes, *recipe.contact_notes, *omissions, branch_note(recipe), *moving]
 
 
 def branch_note(recipe: Recipe) -> str:
@@ -120,6 +129,19 @@ def _of_fall(recipe: Recipe) -> list[Row]:
             for number in numbers
         ),
         ("relaxation_time", "relaxation time", relaxation, "s"),
+        *_of_yield(parameters),
+    ]
+
+
+def _of_yield(parameters: Parameters) -> list[Row]:
+    """Yield number and threshold of the particle that moves first; none without a yield stress."""
+    if parameters.yield_stress is None:
+        return []
+    number = np.min(evaluate_with_numpy(yield_stress.yield_number, parameters))
+    critical = np.max(evaluate_with_numpy(yield_stress.critical_yield_stress, parameters))
+    return [
+        ("yield_number", "yield number (a sphere moves below 0.143)", number, "1"),
+        ("critical_yield_stress", "yield stress that holds a particle", critical, "Pa"),
     ]
 
 

@@ -5,6 +5,7 @@ import tomllib
 from functools import partial
 from importlib import resources
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -105,7 +106,7 @@ def test_parameters_of_the_bundled_sheets():
 
 def test_parameters_in_single_precision(case3):
     parameters = case3.parameters(jnp.float32)
-    assert {leaf.dtype for leaf in vars(parameters).values()} == {np.dtype(np.float32)}
+    assert {leaf.dtype for leaf in jax.tree.leaves(parameters)} == {np.dtype(np.float32)}
     assert float(parameters.elastic_modulus) == near(3.12e9, rel=1e-7)
 
 
