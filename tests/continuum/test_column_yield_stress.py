@@ -8,6 +8,7 @@ import pytest
 import mrjax
 from mrjax.continuum import characteristics, kynch
 from mrjax.continuum.column import column
+from mrjax.continuum.sizes import masliyah
 from mrjax.laws import yield_stress
 from tests.continuum.test_column import EXACT, HEIGHT, SOFT, SPEED, near, spheres, zaki
 
@@ -92,3 +93,21 @@ def test_a_mudline_has_gradients_by_the_yield_stress():
         above, below = (heights(start | {name: value * (1 + h)}) for h in (1e-5, -1e-5))
         np.testing.assert_allclose(exact[name], (above - below) / (2e-5 * value), rtol=1e-5)
         assert np.abs(exact[name] * value).max() > 1e-3
+
+
+def test_one_class_of_several_sizes_has_the_flux_of_one_size():
+    """And classes that the yield stress holds have none, relative to the fluid."""
+    held = spheres(yield_stress=0.4 * CRITICAL)
+    phi = jnp.array([0.05, 0.3])
+    one = masliyah.fluxes(masliyah.classes(held, zaki()), phi[None], jnp.asarray(0.6))[0]
+    f_w = zaki()(phi)
+    exact = phi * mrjax.terminal_velocity(held.replace(f_w=f_w))
+    np.testing.assert_allclose(one, exact, rtol=EXACT)
+    two_sizes = held.replace(radius=jnp.array([0.3, 1.0]) * held.radius)
+    law = masliyah.classes(two_sizes, zaki())
+    assert law.mobility[0] == 0.0 < law.mobility[1]
+    ageing = two_sizes.replace(yield_growth=jnp.asarray(1e-9))
+    with pytest.raises(mrjax.InputError, match=r"leave out yield_growth, or give one size"):
+        mrjax.polydisperse_column(
+            ageing, height=HEIGHT, volume_fraction=[0.1, 0.1], bed_fraction=0.6, times=TIMES
+        )

@@ -32,6 +32,11 @@ def refuse(case: Case, threshold: ArrayLike) -> None:
     _refuse_fractions(case.volume_fraction)
     classes = np.shape(case.volume_fraction)[0]
     checks.refuse_bad_parameters(case.parameters, classes, None, contacts=False)
+    if case.parameters.yield_growth is not None:
+        raise InputError(
+            f"yield_growth = {shown(case.parameters.yield_growth)}: classes of several sizes stop "
+            "at different times in a carrier that ages; leave out yield_growth, or give one size"
+        )
     total = jnp.sum(jnp.asarray(case.volume_fraction, float))
     for bound in (
         Bound("height", case.height, None, "m"),

@@ -14,6 +14,9 @@ Kynch's velocity is k_1 r_1 / f_w(phi), which gives F for any closure:
 
 F(phi) = 1 / (f_w(phi) (1 - phi)^2)
 
+In a carrier with a yield stress k_i has the factor of a lone particle of the class
+(`mrjax.laws.yield_stress`): held particles move with the fluid.
+
 Richardson and Zaki's f_w = (1 - phi)^-n gives F = (1 - phi)^(n - 2), and for equal densities
 v_i = r_1 (1 - phi)^(n - 1) (k_i - SUM_m k_m phi_m), the form in which the model is mostly printed.
 """
@@ -24,7 +27,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from mrjax.core.parameters import Parameters
-from mrjax.laws import drag, particle
+from mrjax.laws import drag, particle, yield_stress
 from mrjax.laws.hindrance import Hindrance
 
 DILUTE = 1e-9
@@ -65,8 +68,11 @@ def classes(parameters: Parameters, hindrance: Hindrance | None) -> Classes:
     weight = particle.core_volume(p) * p.f_r**3 * jnp.abs(p.gravity)  # over the density
     # Not `apparent_density`, which has the shape of the radius: equal densities stay one number.
     dry = particle.mass_over_core_volume(p.particle_density, p.coating_density, p.f_r)
+    mobility = weight / drag.coefficient(p)
+    if not yield_stress.is_newtonian(p):
+        mobility = mobility * yield_stress.velocity_factor(p)
     return Classes(
-        mobility=jnp.atleast_1d(weight / drag.coefficient(p)),
+        mobility=jnp.atleast_1d(mobility),
         excess=jnp.asarray((dry / p.f_r**3 - p.fluid_density) * jnp.sign(p.gravity)),
         hindrance=hindrance,
     )
