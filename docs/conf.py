@@ -33,6 +33,7 @@ html_theme = "furo"
 html_title = f"mrjax {version}"
 html_static_path = ["_static"]
 html_css_files = ["narrow.css"]
+html_js_files = ["tables.js"]
 
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 3

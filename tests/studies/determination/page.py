@@ -20,6 +20,24 @@ CHANCE = 0.01
 """Of a share of intervals outside its limits where the intervals are right."""
 
 
+ROWS = {
+    "problems": "problems",
+    "converged": "fits that converged",
+    "values": "fitted values",
+    "determined": "values called determined",
+    "determined with a large error": "of these, with a large exact error",
+    "with a small error": "values with a small exact error",
+    "with a small error and called so": "of these, called determined",
+    "with a small error, about the fit": "small exact error, and the interval contains the fit",
+    "with a small error, about the fit, and called so": "of these, called determined",
+    "worse than the best of many starts": "fits worse than the best of many starts",
+    "worse than the truth": "fits worse than the truth",
+    "68 % intervals that hold the truth": "68 % intervals that contain the truth",
+    "95 % intervals that hold the truth": "95 % intervals that contain the truth",
+}
+"""Rows of the table, by the names of `counts`."""
+
+
 def counts(rows: list[dict]) -> dict[str, float]:
     """What is asked of the problems."""
     problems = list({(row["design"], row["problem"]): row for row in rows}.values())
@@ -64,27 +82,35 @@ def text() -> str:
     held = {level: limits(int(said["determined"]), level) for level in ("68 %", "95 %")}
     off = [row["said"] / row["exact"] for row in rows if row["exact"] < np.inf]
     table = markdown_table(
-        ["of the problems", "number"],
+        ["quantity", "number"],
         [
-            *([name, f"{value:g}"] for name, value in said.items()),
+            *([ROWS.get(name, name), f"{value:g}"] for name, value in said.items()),
             *([f"{level} intervals, expected", f"{a} to {b}"] for level, (a, b) in held.items()),
         ],
     )
-    return f"""# What fits call determined
+    return f"""# Determined values
 
-Synthetic problems: truths drawn from the priors, readings from the model with noise, two or three
-values, by the closed form, the column and particles (`designs.py`). Each is fitted as an experiment
-is, and beside it stands an independent answer (`reference.py`): predictions on a grid of
-{DENSE[2]} values of each of two parameters, or {DENSE[3]} of each of three, from whose best places
-scipy goes on. So are found the error that the data alone leave, by a profile, and the best optimum:
-of the grid, of {STARTS} draws from the priors and of the truth, of which {FINISHED_STARTS + 1} are
-finished. Errors are over the width of the prior: large above {TOO_LARGE}, small below {SMALL}. An
-interval of the data is about the fit if the fit is in it: the data alone may have another optimum,
-which priors exclude, and of that nothing is to be said.
+This page compares the verdict "determined" of a fit with an independent answer.
+
+The problems are synthetic. Each has two or three fitted values and one of three models: the closed
+form, the column or particles (`designs.py`). The truth is drawn from the priors, and noise is added
+to the readings that the model predicts. `calibrate` fits each problem like an experiment.
+
+The independent answer (`reference.py`) has two parts, both refined with scipy:
+
+- The exact error is half the profile interval of a value, by the data without the priors. It begins
+  with predictions on a grid of {DENSE[2]} values of each of two parameters, or {DENSE[3]} of each
+  of three.
+- The best optimum is that of {FINISHED_STARTS + 1} starts: the truth, and the best of the grid and
+  of {STARTS} draws from the priors.
+
+Errors are divided by the width of the prior. They are large above {TOO_LARGE} and small below
+{SMALL}. The data alone may have their optimum elsewhere, at values that the prior excludes. Such an
+interval says nothing about the fit, so the table also counts the intervals that contain the fit.
+
 Made by `python -m tests.studies.determination`.
 
 {table}
-
-Where the reference finds the ends of an interval, the error that a fit states is between
-{np.nanquantile(off, 0.05):.3f} and {np.nanquantile(off, 0.95):.3f} times it in nine of ten.
+In nine of ten intervals with both ends found, the error that the fit states is between
+{np.nanquantile(off, 0.05):.3f} and {np.nanquantile(off, 0.95):.3f} times the exact error.
 """

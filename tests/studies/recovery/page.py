@@ -41,19 +41,24 @@ def text() -> str:
             "parameter",
             "sets",
             "converged",
-            "of these on a kink",
-            "model runs: median, most",
-            *(f"{level} interval holds the truth" for level in LEVELS),
+            "on a kink",
+            "model runs, median and most",
+            *(f"truth in {level} interval" for level in LEVELS),
         ],
         rows,
     )
     return f"""# Recovery
 
-Synthetic data sets with noise: truths drawn from the priors, data from the model with the stated
-errors. How many of the stated intervals hold the truth, and in brackets how many should, but for a
-chance of one in a hundred: those of the profile likelihood, or one and 1.96 standard errors from
-the curvature at the optimum. Where a mudline meets its bed at the time of a reading slopes jump:
-fits that end on such a kink take a simplex, and more runs. Made by `python -m
-tests.studies.recovery`.
+This page counts how often the intervals of a fit contain the truth.
+
+The data sets are synthetic. The truth is drawn from the priors, and noise with the stated errors is
+added to the predictions of the model. An interval is that of the profile likelihood, or one and
+1.96 standard errors from the curvature at the optimum. The range in brackets contains the count of
+correct intervals with a probability of 99 %.
+
+The slope of a mudline jumps at the time at which it meets the bed. If that is the time of a
+reading, a fit can end on a kink. It then continues with a simplex, and takes more model runs.
+
+Made by `python -m tests.studies.recovery`.
 
 {table}"""

@@ -23,10 +23,12 @@ LIKE_FOR_LIKE, NEAR_PRINTED = 1.5, 2.0
 
 HEADER = f"""# Settling of whole boxes
 
-The paper's boxes: 314 particles of 4 um (case2) and 292 of 4.4 um (case3) in 25 x 25 x 50 um.
-Ratios are heights over the initial one, means of {beds.STARTS} random starts with their standard
-errors, in per cent. Made by `python -m tests.studies.settling` from `beds.csv`, `gradients.json`
-and `kynch.json` beside this page, which the same command measures where they are missing.
+The boxes are those of the paper: 314 particles of 4 µm (case2) and 292 of 4.4 µm (case3) in
+25 x 25 x 50 µm. A ratio is a height over the initial height, in per cent: the mean of
+{beds.STARTS} random starts with its standard error.
+
+`python -m tests.studies.settling` makes this page from `beds.csv`, `gradients.json` and
+`kynch.json` beside it. It measures those of them that are missing.
 """
 
 
@@ -127,14 +129,16 @@ def _against_liggghts() -> str:
         ]
         for sample, sides, friction in like_for_like()
     ]
-    columns = ["sample", "sides", "friction", "LIGGGHTS, top", "mrjax, top"]
-    table = markdown_table(columns + [f"difference, {name}" for name in interface.HEIGHTS], rows)
+    columns = ["sample", "sides", "friction", "top, LIGGGHTS", "top, mrjax"]
+    table = markdown_table(columns + [f"Δ {name}" for name in interface.HEIGHTS], rows)
     return f"""## Dropped without a fluid, beside LIGGGHTS 3.8
 
-Both let the particles fall in a vacuum: E = 1e7 Pa, restitution 0.5, steps of 5e-8 s, own random
-starts (three of LIGGGHTS). Differences in percentage points; the bar is {LIKE_FOR_LIKE} for the
-top of the highest particle. The other columns are other definitions of height: half-concentration
-differs by up to 0.2 by how the two look for the level.
+In both codes the particles fall in a vacuum, with E = 1e7 Pa, restitution 0.5 and steps of 5e-8 s.
+Each code has random starts of its own, LIGGGHTS three.
+
+The last columns are mrjax minus LIGGGHTS in percentage points, for each definition of the height.
+The top of the highest particle must agree within {LIKE_FOR_LIKE}. Half-concentration differs by up
+to 0.2 because the two codes search for the level in different ways.
 
 {table}"""
 
@@ -168,16 +172,17 @@ def _inferred() -> str:
         for friction in FRICTIONS
     )
     table = markdown_table(
-        ["height", "friction", *(f"{s} (printed {100 * PRINTED[s]:.1f})" for s in SAMPLES), "miss"],
+        ["height", "friction", *(f"{s} (printed {100 * PRINTED[s]:.1f})" for s in SAMPLES), "deviation"],
         rows,
     )
-    return f"""## Friction and definition of height, inferred
+    return f"""## Friction coefficient and definition of the height
 
-The paper prints final ratios of 69.3 and 86.4 % and gives neither the friction coefficient nor what
-it calls the height nor the sides of its box. All definitions and coefficients, for beds between
-walls; "miss" is the larger distance of the two samples. Nearest: **{best[0]} with a friction
-coefficient of {best[1]:g}**. Between periodic sides no coefficient reaches 86.4 % by any
-definition: the largest is {periodic:.1f} %. This is an inference, not a statement of the paper.
+The paper prints final ratios of 69.3 and 86.4 %. It states neither the friction coefficient nor the
+definition of the height nor the sides of the box. They are inferred here from the two ratios.
+
+The table has beds between walls. The deviation is the larger one of the two samples, in percentage
+points. The smallest is that of the **{best[0]} with a friction coefficient of {best[1]:g}**.
+Between periodic sides no bed reaches 86.4 % by any definition: the highest is {periodic:.1f} %.
 
 {table}"""
 
@@ -204,12 +209,12 @@ def _slow() -> str:
         for sample in SAMPLES
         for friction in sorted(FRICTIONS + SCANNED)
     ]
-    columns = ["sample", "friction", "dropped, top", "settled, top", f"settled with {TWICE}, top"]
-    table = markdown_table(columns + [f"difference, {name}" for name in interface.HEIGHTS], rows)
-    return f"""## What slow settling makes of a bed
+    columns = ["sample", "friction", "top, dropped", "top, settled", f"top, settled with {TWICE}"]
+    table = markdown_table(columns + [f"Δ {name}" for name in interface.HEIGHTS], rows)
+    return f"""## Settled beds beside dropped ones
 
-The same boxes between walls, settled at their true viscosity with contacts softened to an overlap
-of {OVERLAP:g} radii, against those dropped: settled minus dropped, in percentage points.
+The settled boxes have walls, their true viscosity, and contacts softened to an overlap of
+{OVERLAP:g} radii. The last columns are settled minus dropped, in percentage points.
 
 {table}"""
 
@@ -245,9 +250,9 @@ def _independent() -> str:
         [
             "changed",
             "final ratio",
-            "moved, same starts",
-            "moved, mass-quantile",
-            "curve moved by at most",
+            "change of the top",
+            "change of the mass-quantile",
+            "largest change of the curve",
         ],
         (
             [
@@ -260,13 +265,16 @@ def _independent() -> str:
             for variant, one in independence().items()
         ),
     )
-    return f"""## What must not matter
+    return f"""## Numerical parameters
 
-Case2 between walls at its true viscosity, friction {SCANNED[0]:g}: {base.shown()} by the top with
-the default overlap of {OVERLAP:g} radii; the standard error of the curve is at most {widest:.2f}.
-The same starts with one thing changed. The overlap matters: a softer bed packs more densely, by
-more than its contacts yield. Step, skin, rebuilds and precision were changed with twice the
-overlap, at half the cost, and are compared with that.
+Overlap, step, skin, rebuilds and precision should not change a bed. The reference is case2 between
+walls at its true viscosity, with a friction coefficient of {SCANNED[0]:g} and the default overlap
+of {OVERLAP:g} radii. Its final ratio is {base.shown()} by the top of the highest particle, and the
+standard error of its curve is at most {widest:.2f}.
+
+Each row changes one parameter and has the same random starts. Step, skin, rebuilds and precision
+are changed in runs with twice the overlap, which cost half as much, and are compared with that run.
+Only the overlap has an effect: a softer bed packs more densely, by more than its contacts yield.
 
 {table}"""
 
@@ -281,17 +289,17 @@ def _of_gradients() -> str:
         row("time, s", found["times"], ".0f"),
         [
             row("sedimentation ratio", [h / 50e-6 for h in found["height"]], ".4f"),
-            row("off the law", found["law"]),
-            row("off the law, a quarter of the step", found["law_finer"]),
-            row("off the law, without friction", found["law_without_friction"]),
+            row("error", found["law"]),
+            row("error, a quarter of the step", found["law_finer"]),
+            row("error, without friction", found["law_without_friction"]),
             *(
-                row(f"central difference over ±{one['by']:g}, off", one["error"])
+                row(f"error of the central difference over ±{one['by']:g}", one["error"])
                 for one in found["differences"]
             ),
         ],
     )
     late = markdown_table(
-        row("time, s", found["late_times"], ".0f"), [row("off the law", found["late_law"])]
+        row("time, s", found["late_times"], ".0f"), [row("error", found["late_law"])]
     )
     memory = markdown_table(
         ["steps", "run, MB", "forward, MB", "reverse, MB"],
@@ -303,29 +311,34 @@ def _of_gradients() -> str:
     doubled = found["doubled"]
     return f"""## Gradients of the whole curve
 
-Without inertia the suspension knows of time only t / (f_w f_s f_v mu), so that
-dh / d ln f = -t dh/dt for each of these and any height h. Here h is the mudline of case2 with
-friction, its derivative that of forward mode through every step, dh/dt the velocity of the
-highest particle.
+Without inertia a suspension depends on time only through t / (f_w f_s f_v mu). Every height h
+therefore obeys dh / d ln f = -t dh/dt, where f is any of the three factors or the viscosity.
+
+The table compares derivatives with this law. The height is the mudline of case2 with friction. Its
+derivative is that of forward mode through every step, and dh/dt is the velocity of the highest
+particle.
 
 {law}
-Reverse mode gives the same derivative of the sum of these heights to {abs(found["reverse"]):.0e}.
+Reverse mode gives the derivative of the sum of these heights. It agrees with forward mode to
+{abs(found["reverse"]):.0e}.
 
-Later, while the bed takes in the last particles and creeps, sticking and slipping:
+Later the last particles reach the bed, and the bed creeps:
 
 {late}
-**Where the curve stops being smooth.** A spring of friction stretches from the moment at which its
-surfaces meet, wherever in a step that is, and yields without a jump: the derivative sees both, and
-its error falls with the step as long as the mudline falls. When the highest particles have come to
-the bed, particles creep, stick and slip; single avalanches decide, at moments that small changes
-move, and the derivative of one history is nothing like that of the mean. There use the law itself,
--t dh/dt from the curve; for what has no law, differences between means of ensembles.
+**The derivative is right while the mudline falls.** A friction spring stretches from the moment at
+which its surfaces touch, at any point of a step, and begins to slide without a jump. The derivative
+includes both, and its error falls with the step.
 
-Memory that the compiled programs hold at once (314 particles):
+**The derivative is wrong in the creeping bed.** Particles stick and slip there, and single
+avalanches determine the height. A small change of a parameter shifts the moments of the avalanches.
+The derivative of one run is therefore not that of the mean. Use the law there: -t dh/dt from the
+curve. For a quantity without such a law, use differences between means of ensembles.
+
+Memory of the compiled programs for 314 particles:
 
 {memory}
-Twice the viscosity: all {doubled["frames"]} frames at twice the time to {doubled["times"]:.0e},
-with the same ratios to {doubled["ratios"]:.0e}.
+With twice the viscosity all {doubled["frames"]} frames are at twice the time to
+{doubled["times"]:.0e}, and have the same ratios to {doubled["ratios"]:.0e}.
 """
 
 
@@ -341,11 +354,14 @@ def _of_kynch() -> str:
     )
     return f"""## Kynch's theory
 
-Means of {found["starts"]} random suspensions of {found["particles"]} particles in a periodic
-column {kynch.WIDTH} by {kynch.WIDTH} by {kynch.HEIGHT} diameters, phi = {kynch.FRACTION}, local
-drag by Richardson & Zaki with n = {kynch.EXPONENT}, no friction. The bed packs to
-{found["bed_fraction"]:.3f} while it grows. Here suspension and bed meet in one shock; at phi = 0.2
-they would not, as the flux then dips below the chord, and a bed grows through a fan of fractions.
+The particles are compared with Kynch's theory: means of {found["starts"]} random suspensions of
+{found["particles"]} particles in a periodic column of {kynch.WIDTH} x {kynch.WIDTH} x
+{kynch.HEIGHT} diameters. The volume fraction is {kynch.FRACTION}. The drag is local, by Richardson
+and Zaki with n = {kynch.EXPONENT}, and there is no friction. The bed packs to
+{found["bed_fraction"]:.3f} while it grows.
+
+At this volume fraction one shock separates suspension and bed. At 0.2 the flux lies below the chord
+between the two, and the bed grows through a fan of volume fractions instead.
 
 {table}
 ![Kynch](kynch.png)

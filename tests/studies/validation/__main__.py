@@ -8,10 +8,12 @@ PAGE = Path(__file__).parent
 
 HEADER = """# Validation
 
-Every row: a case, what is known, what the simulator computes, the error, and the bar it has to
-keep, if any. Errors are relative to the reference, or to the scale of the case where that may be
-zero; "worst of" many shows the largest. Made by `python -m tests.studies.validation`; the tests run
-the same cases and fail where a row leaves its bar or this page is out of date.
+Each row compares a computed value with a reference. The error is relative to the reference, or to
+the scale of the case if the reference may be zero. The bar is the largest error that passes; some
+rows have none. "Worst of" several values shows the one with the largest error.
+
+Made by `python -m tests.studies.validation`. The tests run the same cases, and fail if an error
+exceeds its bar or if this page is out of date.
 """
 
 

@@ -20,14 +20,14 @@ from .row import Row
 from .two_laws import DIFFERENCES, Motion, integrated
 
 NOTE = """\
-Without damping the two codes must agree; with it their laws differ (see below), and each is held to
-an integration of its own law. "Largest difference of force" is over the collision, and its error
-relative to the peak of the force.
+Without damping the two codes must agree. With damping their laws differ (see below), and each code
+is compared with an integration of its own law. "Largest difference of force" is the largest during
+the collision, and its error is relative to the largest force.
 """
 
 DIFFERENCES_NOTE = f"""\
-Damped impacts of the package beside LIGGGHTS. The rows above show that each code does what its law
-says; what is left below is what the laws differ in:
+The rows above show that each code computes its own law correctly. The rows below compare damped
+impacts in mrjax and in LIGGGHTS. The laws differ in three points:
 
 {DIFFERENCES}"""
 

@@ -42,7 +42,7 @@ def text(header: str) -> str:
     for title, suite in SUITES.items():
         parts += [f"## {title}\n", suite.NOTE]
         parts.append(markdown_table(COLUMNS, map(cells, rows(title))))
-    parts += ["## Where LIGGGHTS' law differs\n", liggghts.DIFFERENCES_NOTE]
+    parts += ["## Differences from LIGGGHTS' law\n", liggghts.DIFFERENCES_NOTE]
     parts.append(markdown_table(COLUMNS, map(cells, differences())))
     parts.append("## Figures\n")
     parts += [f"`{name}`\n\n![{name.replace('_', ' ')}]({name}.png)\n" for name in figures()]

@@ -15,11 +15,13 @@ import numpy as np
 from . import reference
 
 DIFFERENCES = """\
-1. LIGGGHTS lets the damped normal force pull at the end of a contact; here it ends where it would.
-2. LIGGGHTS limits friction by the size of that force, so that it goes on while it pulls: a sphere
-   that slides throughout loses more than mu (1 + e) v of its tangential speed.
-3. LIGGGHTS leaves the tangential dashpot out while the spring slides, and adds it without a limit
-   while the spring sticks: an impact begins with a peak of friction above mu F_n.
+1. In LIGGGHTS the damped normal force becomes attractive at the end of a contact. In mrjax the
+   contact ends before that.
+2. LIGGGHTS limits friction by the magnitude of the normal force, so friction continues while the
+   force is attractive. A sphere that slides throughout loses more than mu (1 + e) v of its
+   tangential speed.
+3. LIGGGHTS omits the tangential dashpot while the spring slides, and adds it without a limit while
+   the spring sticks. An impact therefore begins with a peak of friction above mu F_n.
 """
 
 

@@ -56,9 +56,9 @@ def text() -> str:
         ["", f"GrainLearning {results['version']}", OURS],
         [
             ["model runs", _runs(theirs, "runs"), _runs(mine, "runs")],
-            ["... without priors", "", _runs(mine, "runs_without_priors")],
+            ["model runs without priors", "", _runs(mine, "runs_without_priors")],
             [
-                "says of the ridge",
+                "statement about the ridge",
                 "nothing",
                 Markdown(
                     f"data determine {', '.join(map(in_code, determined))}; "
@@ -90,21 +90,27 @@ def text() -> str:
     truth = ", ".join(f"{name} = {value:g}" for name, value in problem.TRUTH.items())
     return f"""# Beside GrainLearning
 
-v(phi) = v_0 / f_s (1 - phi)^n at {problem.FRACTIONS.size} volume fractions,
-{problem.NOISE:.0%} noise, {len(problem.SEEDS)} seeds; {truth}. The data say nothing of v_0 and f_s
-but their ratio. Made by `python -m tests.studies.benchmarks.grainlearning`.
+GrainLearning and `calibrate` fit the same problem: the velocity
+v(phi) = v_0 / f_s (1 - phi)^n at {problem.FRACTIONS.size} volume fractions, with
+{problem.NOISE:.0%} noise. The truth is {truth}. The data depend on v_0 and f_s only through their
+ratio, so the posterior has a ridge. Numbers are medians over {len(problem.SEEDS)} seeds, with the
+range in brackets.
 
-GrainLearning samples an even prior from a third of the truth to {problem.RANGE:g} times, with the
-settings of its own example: 10 samples an iteration until its tolerance, 10 iterations at most.
-`calibrate` starts {problem.RANGE:g} times too high in every value; its priors are log-normal about
-the truth with the same variance, {ours.LOG_STANDARD_DEVIATION:.3f} in the logarithm. A run of
-`calibrate` is one value with its Jacobian. Medians over the seeds, and their range.
+- GrainLearning has a uniform prior from a third of the truth to {problem.RANGE:g} times the truth,
+  and the settings of its own example: 10 samples in an iteration, up to its tolerance or
+  10 iterations.
+- `calibrate` starts {problem.RANGE:g} times too high in every value. Its priors are log-normal
+  about the truth with the same variance, {ours.LOG_STANDARD_DEVIATION:.3f} in the logarithm. One
+  model run gives the values and their Jacobian.
+
+Made by `python -m tests.studies.benchmarks.grainlearning`.
 
 {runs}
-Stated standard deviations over those of the exact posterior, each with the prior of its tool: 1 is
-right, less claims too much.
+The next table divides the stated standard deviation by that of the exact posterior, each with the
+prior of its tool. 1 is exact; a smaller number is too confident.
 
 {deviations}
-Stated means off the exact ones, in exact standard deviations:
+The last table has the distance of the stated mean from the exact mean, in exact standard
+deviations.
 
 {means}"""

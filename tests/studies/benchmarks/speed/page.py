@@ -14,9 +14,10 @@ PAGE = Path(__file__).with_name("README.md")
 
 HEADER = """# Speed
 
-Made by `python -m tests.studies.benchmarks.speed`. Medians of repetitions, with the least and the
-greatest. Runs of two codes take turns on the same cores, and their ratios are those of neighbours
-in time.
+Each number is the median of repetitions, with the least and the greatest in brackets. Two codes are
+timed in turn on the same cores, and a ratio is that of two successive runs.
+
+Made by `python -m tests.studies.benchmarks.speed`, with these processors and versions:
 """
 
 
@@ -42,40 +43,48 @@ def text(results: dict[str, dict]) -> str:
 
 def _machines(results: dict[str, dict]) -> str:
     """One line for each machine or version that measured a part."""
-    found: dict[str, list[str]] = {}
+    parts_by_machine: dict[str, list[str]] = {}
     for name, part in results.items():
-        of = part["machine"]
+        machine = part["machine"]
         line = (
-            f"{of['processor']}, {of['cores']} cores; Python {of['python']}, jax {of['jax']}, "
-            f"jaxlib {of['jaxlib']}, mrjax {of['mrjax']}, "
-            + (f"LIGGGHTS {of['liggghts']} (Debian)" if of["liggghts"] else "no LIGGGHTS")
+            f"{machine['processor']}, {machine['cores']} cores; Python {machine['python']}, "
+            f"jax {machine['jax']}, jaxlib {machine['jaxlib']}, mrjax {machine['mrjax']}, "
+            + (f"LIGGGHTS {machine['liggghts']} (Debian)" if machine["liggghts"] else "no LIGGGHTS")
         )
-        found.setdefault(line, []).append(name)
-    if len(found) == 1:
-        return f"{next(iter(found))}.\n"
-    return "".join(f"- {', '.join(names)}: {line}.\n" for line, names in found.items())
+        parts_by_machine.setdefault(line, []).append(name)
+    if len(parts_by_machine) == 1:
+        return f"{next(iter(parts_by_machine))}.\n"
+    return "".join(
+        f"- {', '.join(parts)}: {machine}.\n" for machine, parts in parts_by_machine.items()
+    )
 
 
 def _throughput(rows: list[dict]) -> str:
     rows = sorted(rows, key=lambda row: (row["phase"], row["particles"], row["cores"]))
     return f"""## Particle-steps
 
-Million particle-steps in a second. Without a fluid, in both codes: E = 1e7 Pa, nu = 0.31, 7470
-kg/m^3, 4 um, mu = {states.FRICTION}, e = 0.5, steps of 5e-8 s, lists that reach 0.4 um beyond
-contact, rigid walls on all sides. 314 particles in 25 x 25 x 50 um; larger beds are that state
-beside its mirror images. Dispersed as `mrjax.disperse` leaves them, or at rest between walls that
-had no friction, so that images hold each other; springs of friction are forgotten.
-LIGGGHTS on two cores is `mpirun -np 2`; mrjax is one run with both to be seen. Both are timed from
-step to step, rebuilds of the list included: LIGGGHTS' loop time, and the time by which a longer run
-of mrjax exceeds a shorter one. What precedes the first step of a run, a list above all, is apart.
+The table has million particle-steps per second. Both codes compute the same bed:
+
+- There is no fluid. E = 1e7 Pa, nu = 0.31, density 7470 kg/m³, diameter 4 µm, friction
+  {states.FRICTION}, restitution 0.5, steps of 5e-8 s, rigid walls on all sides. The neighbour list
+  reaches 0.4 µm beyond contact.
+- 314 particles fill a box of 25 x 25 x 50 µm. A larger bed is this box beside its mirror images.
+- A dilute bed is that of `mrjax.disperse`. A settled bed is at rest between walls without friction,
+  so that the mirror images support each other, and has no history of friction.
+- On two cores LIGGGHTS runs as `mpirun -np 2`, and mrjax as one process.
+
+Times include the rebuilds of the list. That of LIGGGHTS is its loop time. That of mrjax is the
+difference between a longer and a shorter run, so the time before the first step is not in it.
 
 {_rates(rows)}
-What they leave behind: rebuilds of the list in the steps that were timed (of mrjax, how often it
-looked whether one was needed), the mean height, um, and contacts with other particles. LIGGGHTS'
-contacts pull at their end where those of mrjax only push, so that beds that still move
-differ a little.
+The time before the first step, and the rebuilds of the list during the timed steps. For mrjax they
+are the checks of whether a rebuild is needed.
 
-{_left_behind(rows)}"""
+{_before_and_rebuilds(rows)}
+Both codes end in nearly the same state: mean height in µm, and contacts of a particle with others.
+Beds that still move differ a little, because the contacts of LIGGGHTS pull at their end.
+
+{_end_states(rows)}"""
 
 
 def _rates(rows: list[dict]) -> str:
@@ -106,40 +115,49 @@ def _rates(rows: list[dict]) -> str:
     )
 
 
-def _left_behind(rows: list[dict]) -> str:
-    """What the beds are after the timed steps, and how often the list was looked at."""
-    codes = ("liggghts", *throughput.DTYPES)
-
-    def of_each(row: dict, what: str, scale: float, digits: int) -> list[str]:
-        there = (row.get(code, {}) for code in codes)
-        return [f"{scale * one[what]:.{digits}f}" if what in one else "" for one in there]
-
+def _before_and_rebuilds(rows: list[dict]) -> str:
+    """Time before the first step, and rebuilds of the neighbour list."""
     return markdown_table(
-        [
-            "N",
-            "phase",
-            "cores",
-            "steps",
-            "start, s, float64",
-            *(f"{what}, {code}" for what in ("builds", "height", "contacts") for code in _CODES),
-        ],
+        [*_BED, "steps", "start, s, float64", *(f"builds, {code}" for code in _CODES)],
         [
             [
-                f"{row['particles']:,}",
-                row["phase"],
-                row["cores"],
-                row["steps"],
+                *_bed(row),
+                f"{row['steps']:,}",
                 _span(row["float64"]["start"]),
-                *of_each(row, "builds", 1.0, 0),
-                *of_each(row, "mean_height", 1e6, 4),
-                *of_each(row, "coordination_number", 1.0, 3),
+                *_by_code(row, "builds", 1.0, 0),
             ]
             for row in rows
         ],
     )
 
 
+def _end_states(rows: list[dict]) -> str:
+    """Mean height and coordination number after the timed steps."""
+    return markdown_table(
+        [*_BED, *(f"{quantity}, {code}" for quantity in ("height", "contacts") for code in _CODES)],
+        [
+            [
+                *_bed(row),
+                *_by_code(row, "mean_height", 1e6, 4),
+                *_by_code(row, "coordination_number", 1.0, 3),
+            ]
+            for row in rows
+        ],
+    )
+
+
+_BED = ("N", "phase", "cores")
 _CODES = ("LIGGGHTS", "float64", "float32")
+
+
+def _bed(row: dict) -> list:
+    return [f"{row['particles']:,}", row["phase"], row["cores"]]
+
+
+def _by_code(row: dict, key: str, scale: float, digits: int) -> list[str]:
+    """A quantity of each code; empty where it was not measured."""
+    results = (row.get(code, {}) for code in ("liggghts", *throughput.DTYPES))
+    return [f"{scale * one[key]:.{digits}f}" if key in one else "" for one in results]
 
 
 def _curve(rows: list[dict]) -> str:
@@ -158,19 +176,20 @@ def _curve(rows: list[dict]) -> str:
     )
     body = f"""## The whole curve of case2
 
-{rows[0]["duration"]:.0f} s of settling at the true viscosity to rest, by `mrjax.sedimentation`;
-beside LIGGGHTS that drops the same particles without a fluid, on one core.
+`mrjax.sedimentation` computes {rows[0]["duration"]:.0f} s of settling to rest at the true
+viscosity. LIGGGHTS drops the same particles without a fluid, on one core.
 
 {table}"""
     if "dragged" not in rows[0]:
         return body
-    of = rows[0]["dragged"]
-    steps = rows[0]["duration"] / of["largest_step"]
+    drag = rows[0]["dragged"]
+    steps = rows[0]["duration"] / drag["largest_step"]
     return f"""{body}
-With the drag of case2 as `fix viscous` the largest step at which LIGGGHTS falls as it should is
-{of["largest_step"]:.3g} s, found by bisection (twice the mass over the drag:
-{of["two_masses_over_drag"]:.3g} s). In a bed it takes {of["seconds_per_step"]:.2g} s a step: the
-{steps:.2g} steps of the curve would be {of["seconds"] / 86400:.3g} days on one core, extrapolated.
+LIGGGHTS with the drag of case2 as `fix viscous` falls correctly up to a step of
+{drag["largest_step"]:.3g} s, found by bisection. Twice the mass over the drag coefficient is
+{drag["two_masses_over_drag"]:.3g} s. A step of the bed takes {drag["seconds_per_step"]:.2g} s, so
+the {steps:.2g} steps of the curve would take {drag["seconds"] / 86400:.3g} days on one core
+(extrapolated).
 """
 
 
@@ -184,7 +203,7 @@ def _compilation(rows: list[dict]) -> str:
     )
     return f"""## Compilation
 
-The first call less the second, each program in a process of its own.
+The time of compilation is the first call less the second. Each program has a process of its own.
 
 {table}"""
 
@@ -218,10 +237,10 @@ def _gradients(rows: list[dict]) -> str:
     )
     return f"""## Gradients
 
-Value and gradient of the mean height at the end, from a bed of case2 that rests in oil. The
-gradient by every leaf of `Parameters` takes all laws, those with coefficients of zero as well, the
-others those that act; its own run is that of the same function of the same argument. Memory is what
-the first call takes beyond what there was, and what the compiler planned for it.
+The programs compute the mean height at the end of a run, and its gradient, from a bed of case2 at
+rest in oil. A gradient by every leaf of `Parameters` includes laws whose coefficients are zero; the
+other programs leave them out. "Over its own run" divides by a run with the same laws. Peak memory
+is the increase in the first call, and planned memory is that of the compiler.
 
 {table}"""
 
@@ -233,7 +252,7 @@ def _scaling(rows: list[dict]) -> str:
             "ns for a particle-step",
             "a rebuild, in steps",
             "share of rebuilds, %",
-            "if in every step, %",
+            "share if in every step, %",
             "peak, MB",
             "bytes for a particle",
         ],
@@ -250,11 +269,11 @@ def _scaling(rows: list[dict]) -> str:
             for row in rows
         ],
     )
-    return f"""## Size
+    return f"""## Number of particles
 
-The bed at rest without a fluid, on one core in float64, with a list that is kept for
-{MOST_STEPS_BETWEEN_REBUILDS} steps, the most a run chooses, and with one that is rebuilt in every
-step. Memory is what a call takes beyond what there was.
+The bed is at rest without a fluid, on one core in float64. The neighbour list is rebuilt every
+{MOST_STEPS_BETWEEN_REBUILDS} steps, the largest interval of a run, or in every step. Peak memory is
+the increase in a call.
 
 {table}"""
 
@@ -277,8 +296,9 @@ def _ensemble(rows: list[dict]) -> str:
     )
     return f"""## Ensembles
 
-Members in one compiled call against one alone, from a bed of case2 that rests in oil. With two
-cores there are two devices, among which `mrjax.ensemble` divides the members.
+One compiled call computes all members, from a bed of case2 at rest in oil. The last column divides
+its time by that of one member alone. With two cores there are two devices, and `mrjax.ensemble`
+divides the members among them.
 
 {table}"""
 
@@ -290,7 +310,8 @@ def _command(rows: list[dict]) -> str:
     )
     return f"""## `mrjax-calibrate fang2005`
 
-As a process of its own, with an empty cache, and again with what that left there.
+The command runs in a process of its own: first with an empty cache of compiled programs (cold),
+then with the cache that the first run filled (second).
 
 {table}"""
 

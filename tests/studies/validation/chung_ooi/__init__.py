@@ -10,17 +10,17 @@ from ..row import Row
 from . import constant_normal, elastic, oblique, restitution, spinning
 
 NOTE = """\
-Angles are from the normal. "The published law, integrated" is an integration that does not use the
-package.
+Angles are measured from the normal. "The published law, integrated" is an integration that does not
+use the package.
 
-Test 4: errors of measured rows are parts of the tangential impulse, and the bar is two standard
-deviations of the scatter that the measurements have where the spheres slide. Near 20 degrees, where
-they stick, the computed impulse is 6 to 8 % less than the measured one: a spring has no microslip,
-and other codes with this law find the same (MFiX DEM05).
+Test 4: the error of a measured row is a share of the tangential impulse. The bar is two standard
+deviations of the scatter of the measurements of sliding spheres. Near 20 degrees the spheres stick,
+and the computed impulse is 6 to 8 % smaller than the measured one, because a spring has no
+microslip. Other codes with this law have the same error (MFiX DEM05).
 
-Test 5: the published point at psi = 5.0 is on the line of sliding. With Mindlin's stiffness the
-surfaces stick at the end below 5.8 (steel; Maw, Barber & Fawcett 1976), as they do in the finite
-elements of the same figure: no bar is asked.
+Test 5: the published point at psi = 5.0 is on the line of sliding. With Mindlin's stiffness, and in
+the finite elements of the same figure, surfaces stick at the end of the impact if psi is below 5.8
+(steel; Maw, Barber & Fawcett 1976). The point has no bar for this reason.
 """
 
 

@@ -18,13 +18,13 @@ from . import (
 )
 
 NOTE = """\
-The set-ups are those of MFiX, with Hertz' law in place of its linear spring. Where only that has a
-closed form, the law is integrated by a Runge-Kutta method of order 8 (DOP853) that does not use the
-package.
+The cases are those of MFiX, with Hertz' law in place of its linear spring. If only the linear spring
+has a closed form, the reference is an integration of Hertz' law by a Runge-Kutta method of order 8
+(DOP853) that does not use the package.
 
-DEM05: angles are from the normal. At the smallest angles, where the spheres stick, both codes miss
-what was measured, since a spring has no microslip. The measurements are therefore compared through
-the departure from them: its root mean square in MFiX beside that here.
+DEM05: angles are measured from the normal. At the smallest angles the spheres stick, and both codes
+depart from the measurements, because a spring has no microslip. The rows therefore compare the root
+mean square of this departure in MFiX with that of mrjax.
 """
 
 
