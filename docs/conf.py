@@ -54,7 +54,7 @@ nitpick_ignore_regex = [
     (
         "py:class",
         r"mrjax\.(dem\.(pairs\.Pairs|contact_history\.(Pair|Particle)History|integrator\.(Noted|Extra)"
-        r"|forces\.kinematics\.\w+|forces\.properties\.\w+)|core\.units\.Units"
+        r"|forces\.kinematics\.\w+|forces\.properties\.\w+)|core\.units\.Units|laws\.water\.NumberT"
         r"|recipe\.(sheets\.Sheet|suspension\.Suspension))",
     ),
     ("py:class", r"(optional|ellipsis|typing\.\w+|conf\.\w+|ArrayLike|DTypeLike)"),
@@ -110,7 +110,13 @@ def with_links_of_the_site(_app, _name, source: list[str]) -> None:
     source[0] = STUDY.sub(r"](/studies/\1.md", source[0])
 
 
+def with_names_of_types(_app, _what, _name, _object, _options, signature, returned):
+    """Shows a default such as `float` by its name."""
+    return re.sub(r"<class '(\w+)'>", r"\1", signature or "") or signature, returned
+
+
 def setup(app) -> None:
     """Called by Sphinx."""
+    app.connect("autodoc-process-signature", with_names_of_types)
     app.connect("source-read", with_links_of_the_site)
     app.connect("autodoc-process-docstring", as_restructured_text, priority=400)  # Napoleon: 500

@@ -22,6 +22,7 @@ class PredictedCurve(NamedTuple):
     """The predicted curve of a sample, at T times."""
 
     sample: str
+    """Name of the sample."""
     observable: str
     """`mudline` or `sedimentation_ratio`."""
     unit: str

@@ -25,8 +25,11 @@ class RunsTest(NamedTuple):
     sample: str | None
     """Name of the sample; None for a simulator."""
     observable: str
+    """Name of the measured quantity."""
     readings: int
+    """Number of readings."""
     runs: int
+    """Number of runs: successive residuals of one sign."""
     p_value: float
     """Probability that noise has at most as many runs."""
 

@@ -9,7 +9,9 @@ class Bounds(NamedTuple):
     """Bounds of each coordinate, (P,)."""
 
     lower: np.ndarray
+    """Lower bounds, (P,); -inf without one."""
     upper: np.ndarray
+    """Upper bounds, (P,); inf without one."""
 
     def clip(self, logs: np.ndarray) -> np.ndarray:
         """The nearest logarithms within the bounds."""

@@ -9,7 +9,9 @@ class LogNormal(NamedTuple):
     """A prior: ln(x / median) is normal with this standard deviation."""
 
     median: float
+    """Median, in the unit of the value."""
     log_standard_deviation: float
+    """Standard deviation of the natural logarithm; 1."""
 
 
 def prior_arrays(

@@ -146,4 +146,4 @@ def _fit_problem(
 
 
 calibrated = fit_experiment
-"""Its name of before."""
+"""The old name of `fit_experiment`."""

@@ -1,4 +1,4 @@
-/* Tables that fit their page: names may break after a dot, and on a phone a table that is still too
+/* Tables that fit their page: names may break after a dot or an underscore, and on a phone a table that is still too
    wide shows each row as a block, in which every cell follows the head of its column. */
 
 function breakNames(cell) {
@@ -6,7 +6,6 @@ function breakNames(cell) {
   const texts = [];
   while (walker.nextNode()) texts.push(walker.currentNode);
   for (const text of texts) {
-    if (!text.parentElement.closest("code")) continue;
     const pieces = text.data.split(/(?<=[a-z][._\/])(?=[A-Za-z]{3})/);
     text.replaceWith(...pieces.flatMap((piece) => [piece, document.createElement("wbr")]).slice(0, -1));
   }

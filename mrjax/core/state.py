@@ -60,7 +60,7 @@ class ContactHistory:
 
 
 Contacts = ContactHistory
-"""Its name of before."""
+"""The old name of `ContactHistory`."""
 
 
 @jax.tree_util.register_dataclass

@@ -89,7 +89,7 @@ class ContactList(NamedTuple):
 
 
 Touching = ContactList
-"""Its name of before."""
+"""The old name of `ContactList`."""
 
 
 def normal_forces(state: State, parameters: Parameters, box: Box) -> ContactList:

@@ -26,8 +26,10 @@ Extra = TypeVar("Extra")
 class Kick(NamedTuple):
     """Coefficients of one step, v -> keep v + gain F; shapes () or (N,)."""
 
-    keep: Array  # e^{-alpha dt}
-    gain: Array  # (1 - e^{-alpha dt}) / gamma, s/kg
+    keep: Array
+    """Factor e^{-alpha dt} of the velocity."""
+    gain: Array
+    """Factor (1 - e^{-alpha dt}) / gamma of the force, s/kg."""
 
 
 def kick(parameters: Parameters, time_step: float) -> Kick:

@@ -25,15 +25,24 @@ class ParticleState(NamedTuple):
 class PairKinematics(NamedTuple):
     """Geometry and motion of pairs at one moment; (P,) each."""
 
-    overlap: Array  # d, negative if the surfaces are apart, m
-    lever_arm: Array  # from the particle's centre to the middle of the overlap, m
-    partner_lever_arm: Array  # from the partner's centre to the middle of the overlap, m
-    normal: Vector  # unit vector from the partner to the particle
-    normal_velocity: Array  # d', positive on approach, m/s
-    normal_rotation_rate: Vector  # d normal/dt, 1/s
-    torsion_rate: Array  # mean spin of both surfaces about the normal, rad/s
-    slip: Vector  # tangential velocity of the surface relative to the partner's surface, m/s
-    rolling: Vector  # spin relative to the partner, without the component along the normal, rad/s
+    overlap: Array
+    """Overlap d, m; negative if the surfaces are apart."""
+    lever_arm: Array
+    """Distance from the particle's centre to the middle of the overlap, m."""
+    partner_lever_arm: Array
+    """Distance from the partner's centre to the middle of the overlap, m."""
+    normal: Vector
+    """Unit vector from the partner to the particle."""
+    normal_velocity: Array
+    """Velocity of approach d', m/s; positive on approach."""
+    normal_rotation_rate: Vector
+    """Rate of change of the normal, 1/s."""
+    torsion_rate: Array
+    """Mean spin of both surfaces about the normal, rad/s."""
+    slip: Vector
+    """Tangential velocity of the surface relative to the partner's surface, m/s."""
+    rolling: Vector
+    """Spin relative to the partner, without the component along the normal, rad/s."""
 
     @property
     def gap(self) -> Array:

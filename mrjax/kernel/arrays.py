@@ -21,7 +21,7 @@ def evaluate_with_arrays(loop: PairLoop, first, second, count, *leaves):
       the arrays of `loop.outputs`, in their order.
     """
     particles = loop.particles([leaf.shape for leaf in leaves])
-    wall, listed = second >= particles, jnp.arange(len(first), dtype=count.dtype) < count
+    wall, is_pair = second >= particles, jnp.arange(len(first), dtype=count.dtype) < count
 
     def gathered(place: Slot):
         n, row, of_second = place
@@ -43,18 +43,18 @@ def evaluate_with_arrays(loop: PairLoop, first, second, count, *leaves):
         jnp.zeros((leaf.width, *shape[len(leaf.rows) :]), leaf.dtype)
         for shape, leaf in zip(shapes, loop.outputs, strict=True)
     ]
-    for given, taken, lasting in loop.in_place:
-        before = leaves[given].reshape(results[taken].shape)
-        results[taken] = before if lasting else jnp.where(listed, 0, before)
+    for source, target, lasting in loop.in_place:
+        before = leaves[source].reshape(results[target].shape)
+        results[target] = before if lasting else jnp.where(is_pair, 0, before)
     for (n, row, of_second), value in zip(slots(loop.outputs), values, strict=True):
         elsewhere = results[n][row] if loop.outputs[n].kind is Kind.PAIR else 0
-        value = jnp.where(touching & listed, value, elsewhere)
+        value = jnp.where(touching & is_pair, value, elsewhere)
         kind = loop.outputs[n].kind
         if kind is Kind.SHARED:
             results[n] = results[n].at[row].set(jnp.sum(value))
         elif kind is Kind.PAIR:
             results[n] = results[n].at[row].set(value)
         else:
-            at = jnp.where(wall, particles, second) if of_second else first
-            results[n] = results[n].at[row, at].add(value, mode="drop")
+            ids = jnp.where(wall, particles, second) if of_second else first
+            results[n] = results[n].at[row, ids].add(value, mode="drop")
     return [result.reshape(shape) for result, shape in zip(results, shapes, strict=True)]

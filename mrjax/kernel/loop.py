@@ -49,8 +49,8 @@ class Operand:
 class Alias(NamedTuple):
     """A per-pair output that reuses an input's buffer; entries past the list stay unchanged."""
 
-    given: int  # index of the input
-    taken: int  # index of the output
+    input: int  # index of the input
+    output: int  # index of the output
     lasting: bool  # True if pairs that fail the guard keep their old value; otherwise it becomes 0
 
 
@@ -111,7 +111,7 @@ class PairLoop:
         guarded = jax.make_jaxpr(guard)(*scalars)
         sums = sum(kind is Kind.PARTICLE for kind, _ in results)
         in_place = tuple(
-            Alias(given, sums + number, lasting) for number, (given, lasting) in enumerate(memory)
+            Alias(index, sums + number, lasting) for number, (index, lasting) in enumerate(memory)
         )
         return PairLoop(traced, guarded, inputs, outputs, in_place=in_place)
 
@@ -136,8 +136,8 @@ class PairLoop:
     def _content(self) -> tuple:
         programs = (self.law, self.guard)
         return (
-            *(str(of.jaxpr) for of in programs),
-            *(_constants(of) for of in programs),
+            *(str(program.jaxpr) for program in programs),
+            *(_constants(program) for program in programs),
             self.inputs,
             self.outputs,
             self.linear,
@@ -172,42 +172,42 @@ class PairLoop:
         count = len(self.scalars)
 
         def changes(*scalars):
-            at, by = list(scalars[:count]), scalars[count:]
+            primals, tangents = list(scalars[:count]), scalars[count:]
 
-            def of_varied(*values):
-                full = list(at)
+            def law_of_varied(*values):
+                full = list(primals)
                 for index, value in zip(varied, values, strict=True):
                     full[index] = value
                 return law(*full)
 
-            return jax.jvp(of_varied, [at[i] for i in varied], list(by))[1]
+            return jax.jvp(law_of_varied, [primals[i] for i in varied], list(tangents))[1]
 
         traced = _traced(changes, self.scalars + [self.scalars[i] for i in varied])
-        moved = _dependent(traced, count)
+        dependent = _dependent(traced, count)
         outputs = slots(self.outputs)
-        some = sorted(
-            {n for (n, _, _), of in zip(outputs, moved, strict=True) if of}
-            | {of.taken for of in self.in_place if of.given in live}
+        changed = sorted(
+            {n for (n, _, _), depends in zip(outputs, dependent, strict=True) if depends}
+            | {alias.output for alias in self.in_place if alias.input in live}
         )
-        kept = [i for i, (n, _, _) in enumerate(outputs) if n in some]
+        places = [i for i, (n, _, _) in enumerate(outputs) if n in changed]
 
-        def those_that_change(*scalars):
+        def changed_scalars(*scalars):
             values = jaxpr_as_fun(traced)(*scalars)
-            return [values[i] for i in kept]
+            return [values[i] for i in places]
 
         loop = PairLoop(
-            _traced(those_that_change, traced.in_avals),
+            _traced(changed_scalars, traced.in_avals),
             self.guard,
             self.inputs + tuple(self.inputs[n] for n in live),
-            tuple(self.outputs[n] for n in some),
+            tuple(self.outputs[n] for n in changed),
             len(live),
             tuple(
-                Alias(len(self.inputs) + live.index(given), some.index(taken), lasting)
-                for given, taken, lasting in self.in_place
-                if given in live
+                Alias(len(self.inputs) + live.index(source), changed.index(target), lasting)
+                for source, target, lasting in self.in_place
+                if source in live
             ),
         )
-        return loop, tuple(some)
+        return loop, tuple(changed)
 
     def with_change(self, change: "PairLoop") -> "PairLoop":
         """Fuses this loop and its tangent loop, so that common reads and operations are done once.
@@ -226,7 +226,9 @@ class PairLoop:
             change.inputs,
             self.outputs + change.outputs,
             in_place=self.in_place
-            + tuple(of._replace(taken=len(self.outputs) + of.taken) for of in change.in_place),
+            + tuple(
+                alias._replace(output=len(self.outputs) + alias.output) for alias in change.in_place
+            ),
         )
 
     def transposed(self, live: tuple[int, ...]) -> "PairLoop":
@@ -238,28 +240,28 @@ class PairLoop:
         law = jaxpr_as_fun(self.law)
         fixed, linear = self.inputs[: -self.linear], self.changes
         count = len(slots(fixed))
-        seen = [i for i, (n, _, _) in enumerate(slots(self.outputs)) if n in live]
-        given = tuple(self.outputs[n] for n in live)
+        places = [i for i, (n, _, _) in enumerate(slots(self.outputs)) if n in live]
+        cotangents = tuple(self.outputs[n] for n in live)
 
         def backwards(*scalars):
             def forwards(*changes):
                 values = law(*scalars[:count], *changes)
-                return [values[i] for i in seen]
+                return [values[i] for i in places]
 
             return jax.linear_transpose(forwards, *self.scalars[count:])(list(scalars[count:]))
 
         kinds = self.scalars[:count] + [
-            jax.ShapeDtypeStruct((), given[n].dtype) for n, _, _ in slots(given)
+            jax.ShapeDtypeStruct((), cotangents[n].dtype) for n, _, _ in slots(cotangents)
         ]
-        back = tuple(
-            Alias(len(fixed) + live.index(taken), given - len(fixed), lasting)
-            for given, taken, lasting in self.in_place
-            if taken in live
+        in_place = tuple(
+            Alias(len(fixed) + live.index(target), source - len(fixed), lasting)
+            for source, target, lasting in self.in_place
+            if target in live
         )
         traced = _traced(backwards, kinds)
-        return PairLoop(traced, self.guard, fixed + given, linear, len(given), back)
+        return PairLoop(traced, self.guard, fixed + cotangents, linear, len(cotangents), in_place)
 
-    def repeated(self, times: int, several: tuple[bool, ...]) -> "PairLoop":
+    def repeated(self, times: int, batched: tuple[bool, ...]) -> "PairLoop":
         """Builds a loop that evaluates T sets of linear inputs in one pass over the pairs.
 
         Outputs, and those linear inputs that differ between the sets, gain a leading axis of
@@ -267,7 +269,7 @@ class PairLoop:
 
         Args:
           times: number T of sets; an input (C, N) becomes (T, C, N).
-          several: for each linear input, True if each set has its own array, False if all sets
+          batched: for each linear input, True if each set has its own array, False if all sets
             share one. It must be True for inputs whose buffer an output reuses.
         """
         law = jaxpr_as_fun(self.law)
@@ -277,7 +279,9 @@ class PairLoop:
         def many(leaf: Operand) -> Operand:
             return Operand(leaf.kind, (times, *leaf.rows), leaf.dtype)
 
-        wide = tuple(many(leaf) if of else leaf for leaf, of in zip(linear, several, strict=True))
+        wide = tuple(
+            many(leaf) if has_axis else leaf for leaf, has_axis in zip(linear, batched, strict=True)
+        )
         outputs = tuple(many(leaf) for leaf in self.outputs)
         where_in = {place: i for i, place in enumerate(slots(wide))}
         where_out = {place: i for i, place in enumerate(slots(self.outputs))}
@@ -286,7 +290,7 @@ class PairLoop:
             results = []
             for t in range(times):
                 changes = [
-                    scalars[count + where_in[n, row + several[n] * t * linear[n].width, second]]
+                    scalars[count + where_in[n, row + batched[n] * t * linear[n].width, second]]
                     for n, row, second in slots(linear)
                 ]
                 results.append(law(*scalars[:count], *changes))
@@ -308,38 +312,42 @@ class PairLoop:
 
         Inputs in which it is linear, and those whose buffer an output reuses, always remain.
         """
-        given = slots(self.inputs)
-        stay = {given[scalar][0] for of in (self.law, self.guard) for scalar in _read(of)}
-        stay |= {of.given for of in self.in_place}
-        stay |= set(range(len(self.inputs) - self.linear, len(self.inputs)))
-        left = sorted(stay)
-        inputs = tuple(self.inputs[n] for n in left)
+        places = slots(self.inputs)
+        used = {
+            places[scalar][0] for program in (self.law, self.guard) for scalar in _read(program)
+        }
+        used |= {alias.input for alias in self.in_place}
+        used |= set(range(len(self.inputs) - self.linear, len(self.inputs)))
+        remaining = sorted(used)
+        inputs = tuple(self.inputs[n] for n in remaining)
 
-        def of_less(program: ClosedJaxpr) -> ClosedJaxpr:
-            of_all = given[: len(program.jaxpr.invars)]
-            kinds = [jax.ShapeDtypeStruct((), self.inputs[n].dtype) for n, _, _ in of_all]
+        def without_unused(program: ClosedJaxpr) -> ClosedJaxpr:
+            own = places[: len(program.jaxpr.invars)]
+            kinds = [jax.ShapeDtypeStruct((), self.inputs[n].dtype) for n, _, _ in own]
 
             def evaluated(*scalars):
-                some = iter(scalars)
+                arguments = iter(scalars)
                 full = [
-                    next(some) if n in stay else jnp.zeros((), kind.dtype)
-                    for (n, _, _), kind in zip(of_all, kinds, strict=True)
+                    next(arguments) if n in used else jnp.zeros((), kind.dtype)
+                    for (n, _, _), kind in zip(own, kinds, strict=True)
                 ]
                 return jaxpr_as_fun(program)(*full)
 
-            kept = zip(of_all, kinds, strict=True)
-            return _traced(evaluated, [kind for (n, _, _), kind in kept if n in stay])
+            pairs = zip(own, kinds, strict=True)
+            return _traced(evaluated, [kind for (n, _, _), kind in pairs if n in used])
 
-        in_place = tuple(of._replace(given=left.index(of.given)) for of in self.in_place)
+        in_place = tuple(
+            alias._replace(input=remaining.index(alias.input)) for alias in self.in_place
+        )
         loop = PairLoop(
-            of_less(self.law),
-            of_less(self.guard),
+            without_unused(self.law),
+            without_unused(self.guard),
             inputs,
             self.outputs,
             self.linear,
             in_place,
         )
-        return loop, tuple(left)
+        return loop, tuple(remaining)
 
 
 def _constants(program: ClosedJaxpr) -> tuple[bytes, ...]:
@@ -362,7 +370,7 @@ def _read(closed: ClosedJaxpr) -> list[int]:
     """Indices of the arguments on which any result depends."""
     every = [True] * len(closed.jaxpr.outvars)
     _, read = partial_eval.dce_jaxpr(closed.jaxpr, every)
-    return [number for number, of in enumerate(read) if of]
+    return [number for number, is_read in enumerate(read) if is_read]
 
 
 def _dependent(closed: ClosedJaxpr, count: int) -> list[bool]:
@@ -370,8 +378,8 @@ def _dependent(closed: ClosedJaxpr, count: int) -> list[bool]:
 
     A call inside the program counts as if all its results depended on all its arguments.
     """
-    moved = set(closed.jaxpr.invars[count:])
+    dependent = set(closed.jaxpr.invars[count:])
     for equation in closed.jaxpr.eqns:
-        if any(not isinstance(v, Literal) and v in moved for v in equation.invars):
-            moved.update(equation.outvars)
-    return [not isinstance(v, Literal) and v in moved for v in closed.jaxpr.outvars]
+        if any(not isinstance(v, Literal) and v in dependent for v in equation.invars):
+            dependent.update(equation.outvars)
+    return [not isinstance(v, Literal) and v in dependent for v in closed.jaxpr.outvars]

@@ -48,17 +48,17 @@ def _jvp(primals, tangents, *, loop: PairLoop):
         return pair_sum_p.bind(*primals, loop=loop), zeros
     operands = *primals, *(tangents[3 + i] for i in live)
     both = with_change_p.bind(*operands, loop=loop, change=tangent)
-    found, moved = both[: len(zeros)], both[len(zeros) :]
-    for index, change in zip(changed, moved, strict=True):
+    values, changes = both[: len(zeros)], both[len(zeros) :]
+    for index, change in zip(changed, changes, strict=True):
         zeros[index] = change
-    return found, zeros
+    return values, zeros
 
 
 def _transpose(cotangents, *operands, loop: PairLoop):
     if not loop.linear:
         raise NotImplementedError("this law of pairs is not known to be linear")
     fixed, linear = operands[: -loop.linear], operands[-loop.linear :]
-    live = tuple(i for i, of in enumerate(cotangents) if not isinstance(of, ad.Zero))
+    live = tuple(i for i, t in enumerate(cotangents) if not isinstance(t, ad.Zero))
     nothing = [None] * len(fixed)
     if not live:
         return nothing + [ad.Zero(operand.aval) for operand in linear]
@@ -67,17 +67,17 @@ def _transpose(cotangents, *operands, loop: PairLoop):
 
 
 def _batched(operands, axes, *, loop: PairLoop):
-    operands, several = _in_front(operands, axes)
-    together = _together(operands, several, loop)
+    operands, batched = _in_front(operands, axes)
+    together = _together(operands, batched, loop)
     if together is not None:
         operands, loop = together
-        found = pair_sum_p.bind(*operands, loop=loop)
+        results = pair_sum_p.bind(*operands, loop=loop)
     else:
-        found = lax.map(
-            lambda members: pair_sum_p.bind(*_filled(operands, several, members), loop=loop),
-            [operand for operand, of in zip(operands, several, strict=True) if of],
+        results = lax.map(
+            lambda members: pair_sum_p.bind(*_filled(operands, batched, members), loop=loop),
+            [operand for operand, has_axis in zip(operands, batched, strict=True) if has_axis],
         )
-    return found, [0] * len(found)
+    return results, [0] * len(results)
 
 
 def _in_front(operands, axes) -> tuple[list, list[bool]]:
@@ -86,15 +86,15 @@ def _in_front(operands, axes) -> tuple[list, list[bool]]:
     Returns:
       the operands, and for each operand True if it is batched.
     """
-    several = [axis is not batching.not_mapped for axis in axes]
+    batched = [axis is not batching.not_mapped for axis in axes]
     moved = [
-        jnp.moveaxis(operand, axis, 0) if of else operand
-        for operand, axis, of in zip(operands, axes, several, strict=True)
+        jnp.moveaxis(operand, axis, 0) if has_axis else operand
+        for operand, axis, has_axis in zip(operands, axes, batched, strict=True)
     ]
-    return moved, several
+    return moved, batched
 
 
-def _together(operands: list, several: list[bool], loop: PairLoop) -> tuple[list, PairLoop] | None:
+def _together(operands: list, batched: list[bool], loop: PairLoop) -> tuple[list, PairLoop] | None:
     """Builds one loop for all members of a batch, and its operands.
 
     Returns:
@@ -102,21 +102,24 @@ def _together(operands: list, several: list[bool], loop: PairLoop) -> tuple[list
       there are more than `AT_ONCE` of them.
     """
     fixed = len(operands) - loop.linear
-    size = len(operands[several.index(True)])
-    if any(several[:fixed]) or size > AT_ONCE:
+    size = len(operands[batched.index(True)])
+    if any(batched[:fixed]) or size > AT_ONCE:
         return None
-    operands, several = list(operands), list(several)
-    for index in (3 + of.given for of in loop.in_place):
-        if not several[index]:
+    operands, batched = list(operands), list(batched)
+    for index in (3 + alias.input for alias in loop.in_place):
+        if not batched[index]:
             operands[index] = jnp.broadcast_to(operands[index], (size, *operands[index].shape))
-            several[index] = True
-    return operands, loop.repeated(size, tuple(several[fixed:]))
+            batched[index] = True
+    return operands, loop.repeated(size, tuple(batched[fixed:]))
 
 
-def _filled(operands: list, several: list[bool], members: list) -> list:
+def _filled(operands: list, batched: list[bool], members: list) -> list:
     """Operands of one member of a batch: its own batched arrays and the shared arrays."""
-    left = iter(members)
-    return [next(left) if of else operand for operand, of in zip(operands, several, strict=True)]
+    own = iter(members)
+    return [
+        next(own) if has_axis else operand
+        for operand, has_axis in zip(operands, batched, strict=True)
+    ]
 
 
 with_change_p = Primitive("pair_sum_with_change")
@@ -147,26 +150,26 @@ def _both_in_arrays(*operands, loop: PairLoop, change: PairLoop) -> list[Array]:
 
 
 def _both_jvp(primals, tangents, *, loop: PairLoop, change: PairLoop):
-    of_loop = _jvp(primals[: -change.linear], tangents[: -change.linear], loop=loop)
-    of_change = _jvp(primals, tangents, loop=change)
-    return tuple([*one, *other] for one, other in zip(of_loop, of_change, strict=True))
+    loop_jvp = _jvp(primals[: -change.linear], tangents[: -change.linear], loop=loop)
+    change_jvp = _jvp(primals, tangents, loop=change)
+    return tuple([*first, *second] for first, second in zip(loop_jvp, change_jvp, strict=True))
 
 
 def _both_batched(operands, axes, *, loop: PairLoop, change: PairLoop):
-    operands, several = _in_front(operands, axes)
+    operands, batched = _in_front(operands, axes)
     alone, count = operands[: -change.linear], len(loop.outputs)
-    together = _together(operands, several, change)
+    together = _together(operands, batched, change)
     if together is not None:
         operands, change = together
-        found = with_change_p.bind(*operands, loop=loop, change=change)
-        return found, [batching.not_mapped] * count + [0] * (len(found) - count)
-    axes = [0 if of else batching.not_mapped for of in several]
-    if any(several[: -change.linear]):
-        found, at = _batched(alone, axes[: -change.linear], loop=loop)
+        results = with_change_p.bind(*operands, loop=loop, change=change)
+        return results, [batching.not_mapped] * count + [0] * (len(results) - count)
+    axes = [0 if has_axis else batching.not_mapped for has_axis in batched]
+    if any(batched[: -change.linear]):
+        values, value_axes = _batched(alone, axes[: -change.linear], loop=loop)
     else:
-        found, at = pair_sum_p.bind(*alone, loop=loop), [batching.not_mapped] * count
-    moved, there = _batched(operands, axes, loop=change)
-    return [*found, *moved], [*at, *there]
+        values, value_axes = pair_sum_p.bind(*alone, loop=loop), [batching.not_mapped] * count
+    changes, change_axes = _batched(operands, axes, loop=change)
+    return [*values, *changes], [*value_axes, *change_axes]
 
 
 def _both_split(trace, *tracers, loop: PairLoop, change: PairLoop):
@@ -174,33 +177,33 @@ def _both_split(trace, *tracers, loop: PairLoop, change: PairLoop):
 
     The tangent loop is pruned first, so that arrays it does not read are not stored as residuals.
     """
-    found = trace.process_primitive(pair_sum_p, tracers[: -change.linear], {"loop": loop})
-    change, stay = change.pruned()
-    tracers = (*tracers[:3], *(tracers[3 + n] for n in stay))
-    return [*found, *trace.process_primitive(pair_sum_p, tracers, {"loop": change})]
+    values = trace.process_primitive(pair_sum_p, tracers[: -change.linear], {"loop": loop})
+    change, inputs = change.pruned()
+    tracers = (*tracers[:3], *(tracers[3 + n] for n in inputs))
+    return [*values, *trace.process_primitive(pair_sum_p, tracers, {"loop": change})]
 
 
 def _both_remembered(saveable, unknown, present, equation):
     """Partial evaluation under `jax.checkpoint`: the loop runs now, both run when recomputed."""
     loop, change = equation.params["loop"], equation.params["change"]
-    count, known = len(loop.outputs), None
-    later = [any(unknown)] * len(equation.outvars)
+    count, known_part = len(loop.outputs), None
+    is_unknown = [any(unknown)] * len(equation.outvars)
     if not any(unknown):
-        known = equation
+        known_part = equation
     elif not any(unknown[: -change.linear]):
-        known = equation.replace(
+        known_part = equation.replace(
             primitive=pair_sum_p,
             params={"loop": loop},
             invars=equation.invars[: -change.linear],
             outvars=equation.outvars[:count],
         )
-        later[:count] = [False] * count
-    kept = [
+        is_unknown[:count] = [False] * count
+    residuals = [
         operand
-        for operand, there in zip(equation.invars, present, strict=True)
-        if not there and not isinstance(operand, Literal)
+        for operand, is_present in zip(equation.invars, present, strict=True)
+        if not is_present and not isinstance(operand, Literal)
     ]
-    return known, equation, later, [True] * len(later), kept
+    return known_part, equation, is_unknown, [True] * len(is_unknown), residuals
 
 
 _in_arrays = mlir.lower_fun(
@@ -218,14 +221,16 @@ def _compiled(context, *operands, loop: PairLoop):
         return _in_arrays(context, *operands, loop=loop)
     lower = jax.ffi.ffi_lowering(
         name,
-        operand_output_aliases={3 + of.given: of.taken for of in loop.in_place},
+        operand_output_aliases={3 + alias.input: alias.output for alias in loop.in_place},
     )
     chunks = codegen.chunk_count(room)
     if chunks == 1:
         return lower(context, *operands)
-    apart = ShapedArray((chunks, room_for_sums(loop.outputs, particles)), loop.outputs[0].dtype)
-    *found, _ = lower(context.replace(avals_out=[*context.avals_out, apart]), *operands)
-    return found
+    chunk_sums = ShapedArray(
+        (chunks, room_for_sums(loop.outputs, particles)), loop.outputs[0].dtype
+    )
+    *results, _ = lower(context.replace(avals_out=[*context.avals_out, chunk_sums]), *operands)
+    return results
 
 
 @cache

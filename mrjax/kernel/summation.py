@@ -77,8 +77,8 @@ def pair_sum(
       >>> first, second = jnp.array([0, 1]), jnp.array([1, 2])
       >>> def forces(position):
       ...     ends = first, second, 2
-      ...     given = dict(particles=position, pairs=stiffness)
-      ...     return mrjax.kernel.pair_sum(spring, lambda *_: True, *ends, **given)[0]
+      ...     trees = dict(particles=position, pairs=stiffness)
+      ...     return mrjax.kernel.pair_sum(spring, lambda *_: True, *ends, **trees)[0]
       >>> forces(position)
       Array([10., -8., -2.], dtype=float64)
     """
@@ -96,8 +96,8 @@ def pair_sum(
         trees.remembered(lasting),
     )
     ends = (jnp.asarray(ids).astype(jnp.int32) for ids in (first, second))
-    found = pair_sum_p.bind(*ends, jnp.asarray(count, jnp.int32), *trees.arrays, loop=loop)
-    return results.unflatten(found)
+    arrays = pair_sum_p.bind(*ends, jnp.asarray(count, jnp.int32), *trees.arrays, loop=loop)
+    return results.unflatten(arrays)
 
 
 class _Trees:
@@ -138,22 +138,22 @@ class _Trees:
 
     def of_pair(self, scalars: tuple[Array, ...]) -> tuple[Tree, Tree, Tree, Tree, Tree]:
         """Rebuilds particle, partner, pair, shared and memory of one pair from its scalars."""
-        left = iter(scalars)
+        remaining = iter(scalars)
         particle, partner, others = [], [], []
         for operand in self.operands:
             if operand.kind is Kind.PARTICLE:
-                particle.append(_taken(operand, left))
-                partner.append(_taken(operand, left))
+                particle.append(_next_value(operand, remaining))
+                partner.append(_next_value(operand, remaining))
             else:
-                others.append(_taken(operand, left))
-        of_particles, of_pairs, of_memory, of_shared = self.structures
-        pairs, end = of_pairs.num_leaves, of_pairs.num_leaves + of_memory.num_leaves
+                others.append(_next_value(operand, remaining))
+        particles, pairs, memory, shared = self.structures
+        begin, end = pairs.num_leaves, pairs.num_leaves + memory.num_leaves
         return (
-            of_particles.unflatten(particle),
-            of_particles.unflatten(partner),
-            of_pairs.unflatten(others[:pairs]),
-            of_shared.unflatten(others[end:]),
-            of_memory.unflatten(others[pairs:end]),
+            particles.unflatten(particle),
+            particles.unflatten(partner),
+            pairs.unflatten(others[:begin]),
+            shared.unflatten(others[end:]),
+            memory.unflatten(others[begin:end]),
         )
 
 
@@ -177,15 +177,15 @@ class _Results:
         new, self.memory = jax.tree.flatten(memory, is_leaf=_is_vector)
         if self.sums != same or list(map(_rows, mine)) != list(map(_rows, theirs)):
             raise ValueError(f"the law adds {self.sums} to a particle, {same} to its partner")
-        at = self.trees.first_memory
-        had = self.trees.operands[at : at + self.trees.structures[2].num_leaves]
-        if [operand.rows for operand in had] != list(map(_rows, new)):
+        begin = self.trees.first_memory
+        old = self.trees.operands[begin : begin + self.trees.structures[2].num_leaves]
+        if [operand.rows for operand in old] != list(map(_rows, new)):
             raise ValueError(f"the law's new memory {self.memory} is not as the old one")
         self.outputs.clear()
         values: list[Array] = []
-        for one, other in zip(mine, theirs, strict=True):
-            self.outputs.append((Kind.PARTICLE, _rows(one)))
-            values += [*self._scalars(one), *self._scalars(other)]
+        for own, partner in zip(mine, theirs, strict=True):
+            self.outputs.append((Kind.PARTICLE, _rows(own)))
+            values += [*self._scalars(own), *self._scalars(partner)]
         for value in new:
             self.outputs.append((Kind.PAIR, _rows(value)))
             values += self._scalars(value)
@@ -201,11 +201,11 @@ class _Results:
         return [jnp.asarray(part, self.trees.dtype) for part in parts]
 
 
-def _taken(operand: Operand, left: Iterator[Array]) -> Array | tuple[Array, ...]:
+def _next_value(operand: Operand, scalars: Iterator[Array]) -> Array | tuple[Array, ...]:
     """Takes the next scalar, or a tuple of C scalars if the operand has C rows."""
     if not operand.rows:
-        return next(left)
-    return tuple(next(left) for _ in range(operand.width))
+        return next(scalars)
+    return tuple(next(scalars) for _ in range(operand.width))
 
 
 def _is_vector(value: Tree) -> bool:

@@ -15,17 +15,28 @@ from mrjax.laws.particle import CoatedParticle
 class PairProperties(NamedTuple):
     """Constants of P contacts, (P,), or () if they are the same for all."""
 
-    modulus: Array  # E*, Pa
-    shear_modulus: Array  # G*, Pa
-    radius: Array  # R*, m
-    mass: Array  # m*, kg
-    rolling_inertia: Array  # I_r, kg m^2
-    friction: Array  # mu
-    damping: Array  # z of `normal.damping_ratio`
-    dissipation: Array  # A, s
-    tangential_dissipation: Array  # B, s
-    rolling_friction: Array  # mu_r
-    rolling_damping: Array  # h_r
+    modulus: Array
+    """Effective modulus E*, Pa."""
+    shear_modulus: Array
+    """Effective shear modulus G*, Pa."""
+    radius: Array
+    """Effective radius R*, m."""
+    mass: Array
+    """Reduced mass m*, kg."""
+    rolling_inertia: Array
+    """Moment of inertia I_r about the contact point, kg m^2."""
+    friction: Array
+    """Coulomb's coefficient mu; 1."""
+    damping: Array
+    """Damping ratio z of `normal.damping_ratio`; 1."""
+    dissipation: Array
+    """A of Eq. 4, s."""
+    tangential_dissipation: Array
+    """B of Eq. 7, s."""
+    rolling_friction: Array
+    """Coefficient mu_r of rolling friction; 1."""
+    rolling_damping: Array
+    """Fraction h_r of critical damping of rolling; 1."""
 
 
 class SurfacePairs(NamedTuple):
@@ -162,11 +173,12 @@ def per_kind(
     return of_surfaces(parameters, SurfacePairs.by_kind(walled, coated))
 
 
-# Their names of before.
 Surfaces = PairProperties
+"""The old name of `PairProperties`."""
 of_kinds = per_kind
+"""The old name of `per_kind`."""
 
 
 def of(parameters: Parameters, material: Array | None, listed: Any) -> PairProperties:
-    """Calls `per_pair` under its name of before, with an object's `first`, `second` and `wall`."""
+    """The old name of `per_pair`, for an object with `first`, `second` and `wall`."""
     return per_pair(parameters, material, listed.first, listed.second, listed.wall)

@@ -18,9 +18,12 @@ ScalarT = TypeVar("ScalarT", float, Array)
 class CoatedParticle(NamedTuple):
     """Radius, inertia and moment of inertia of the coated particles; () or (N,)."""
 
-    radius: Array  # f_r R, m
-    inertia: Array  # mass and added mass, kg
-    moment_of_inertia: Array  # kg m^2
+    radius: Array
+    """Radius f_r R of the coated particle, m."""
+    inertia: Array
+    """Mass and added mass, kg."""
+    moment_of_inertia: Array
+    """Moment of inertia about the centre, kg m^2."""
 
 
 def coated_particle(parameters: Parameters) -> CoatedParticle:

@@ -28,7 +28,7 @@ def contact_inertia(moment: ArrayLike, mass: ArrayLike, radius: ArrayLike) -> Ar
 
 
 about_contact = contact_inertia
-"""Its name of before."""
+"""The old name of `contact_inertia`."""
 
 
 def rolling_torque(

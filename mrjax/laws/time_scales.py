@@ -21,9 +21,12 @@ REFINEMENT = 20.0
 class Mode(NamedTuple):
     """A mode of vibration of touching spheres: omega^2 m over the stiffness of one contact."""
 
-    normal: float  # factor of K_n
-    tangential: float  # factor of K_t; the spheres' moment of inertia is 0.4 m R^2
-    overdamped: float  # factor of K_t without inertia; rotational drag is 4/3 of gamma R^2
+    normal: float
+    """Factor of the normal stiffness K_n."""
+    tangential: float
+    """Factor of the tangential stiffness K_t; the moment of inertia of a sphere is 0.4 m R^2."""
+    overdamped: float
+    """Factor of K_t without inertia; the rotational drag is 4/3 of gamma R^2."""
 
 
 class ForceBounds(NamedTuple):

@@ -20,10 +20,14 @@ WAYS = (
 class Phases(NamedTuple):
     """Densities of particle, fluid and coating, and the volume of the coating."""
 
-    particle: float  # kg/m^3
-    fluid: float  # kg/m^3
-    coating: float | None  # kg/m^3; None without one
-    layer: float  # volume of the coating over that of its particle, f_r^3 - 1
+    particle: float
+    """Density of the uncoated particle, kg/m^3."""
+    fluid: float
+    """Density of the fluid, kg/m^3."""
+    coating: float | None
+    """Density of the coating, kg/m^3; None without a coating."""
+    layer: float
+    """Volume of the coating over that of its particle, f_r^3 - 1."""
 
 
 class Composition(Sheet):

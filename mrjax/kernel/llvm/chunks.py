@@ -65,20 +65,20 @@ class _Stage:
         self.outputs, arrays = 3 + len(loop.inputs), 3 + len(loop.inputs + loop.outputs)
         self.number = TYPES[loop.outputs[0].dtype]
 
-        def of(index: int, typ: ir.Type) -> ir.Value:
+        def loaded(index: int, typ: ir.Type) -> ir.Value:
             return build.load(word(build, self.words, index), typ=typ)
 
-        self.arrays = [of(index, POINTER) for index in range(arrays)]
-        self.apart = of(arrays, POINTER)
-        self.listed = of(arrays + 1, LONG)
+        self.arrays = [loaded(index, POINTER) for index in range(arrays)]
+        self.chunk_sums = loaded(arrays, POINTER)
+        self.pair_count = loaded(arrays + 1, LONG)
         self.particles, self.room = particles, room
         self.lows, self.highs = arrays + 2, arrays + 2 + chunks
 
     def pairs(self, body: ir.Function) -> None:
         """Emits the loop over the pairs of this chunk."""
         build = self.build
-        begin, end = self.share(self.listed)
-        low, high = self.named(begin, end)
+        begin, end = self.share(self.pair_count)
+        low, high = self.particle_range(begin, end)
         build.store(low, word(build, self.words, build.add(LONG(self.lows), self.chunk)))
         build.store(high, word(build, self.words, build.add(LONG(self.highs), self.chunk)))
         last = build.icmp_signed("==", self.chunk, LONG(self.chunks - 1))
@@ -104,8 +104,8 @@ class _Stage:
             self.clear(index, begin, end)
         with counted(build, LONG(0), LONG(self.chunks)) as chunk:
             low, high = (
-                build.load(word(build, self.words, build.add(LONG(of), chunk)), typ=LONG)
-                for of in (self.lows, self.highs)
+                build.load(word(build, self.words, build.add(LONG(ends), chunk)), typ=LONG)
+                for ends in (self.lows, self.highs)
             )
             low = build.select(build.icmp_signed(">", low, begin), low, begin)
             high = build.select(build.icmp_signed("<", high, end), high, end)
@@ -128,7 +128,7 @@ class _Stage:
             build.sdiv(build.mul(number, edge), LONG(self.chunks)) for edge in (self.chunk, after)
         )
 
-    def named(self, begin: ir.Value, end: ir.Value) -> tuple[ir.Value, ir.Value]:
+    def particle_range(self, begin: ir.Value, end: ir.Value) -> tuple[ir.Value, ir.Value]:
         """Lowest particle id of these pairs, and one more than the highest."""
         build = self.build
         particles = INT(self.particles)
@@ -136,7 +136,7 @@ class _Stage:
         build.store(particles, low)
         build.store(INT(0), high)
 
-        def keep(place: ir.Value, order: str, value: ir.Value) -> None:
+        def update(place: ir.Value, order: str, value: ir.Value) -> None:
             before = build.load(place, typ=INT)
             beyond = build.icmp_signed(order, value, before)
             build.store(build.select(beyond, value, before), place)
@@ -144,10 +144,10 @@ class _Stage:
         with counted(build, begin, end) as pair:
             for pointer in self.arrays[:2]:
                 end_of_pair = build.gep(pointer, [pair], source_etype=INT)
-                named = build.load(end_of_pair, typ=INT)
-                wall = build.icmp_signed(">=", named, particles)
-                keep(low, "<", named)
-                keep(high, ">", build.select(wall, INT(0), build.add(named, INT(1))))
+                particle = build.load(end_of_pair, typ=INT)
+                wall = build.icmp_signed(">=", particle, particles)
+                update(low, "<", particle)
+                update(high, ">", build.select(wall, INT(0), build.add(particle, INT(1))))
         return tuple(build.sext(build.load(place, typ=INT), LONG) for place in (low, high))
 
     def place(self, chunk: ir.Value, output: int) -> ir.Value:
@@ -156,7 +156,7 @@ class _Stage:
         before = room_for_sums(loop.outputs[:output], self.particles)
         of_chunks = build.mul(chunk, LONG(room_for_sums(loop.outputs, self.particles)))
         numbers = build.add(of_chunks, LONG(before))
-        return build.gep(self.apart, [numbers], source_etype=self.number)
+        return build.gep(self.chunk_sums, [numbers], source_etype=self.number)
 
     def rows(self, output: int, array: ir.Value) -> list[ir.Value]:
         """Addresses of the rows of an output, in the output array or in the sums of a chunk."""
@@ -167,14 +167,14 @@ class _Stage:
     def clear(self, output: int, begin: ir.Value, end: ir.Value) -> None:
         for row in self.rows(output, self.arrays[self.outputs + output]):
             with counted(self.build, begin, end) as index:
-                at = self.build.gep(row, [index], source_etype=self.number)
-                self.build.store(self.number(0.0), at)
+                place = self.build.gep(row, [index], source_etype=self.number)
+                self.build.store(self.number(0.0), place)
 
     def add(self, output: int, chunk: ir.Value, begin: ir.Value, end: ir.Value) -> None:
-        into = self.rows(output, self.arrays[self.outputs + output])
-        found = self.rows(output, self.place(chunk, output))
-        for rows in zip(into, found, strict=True):
+        totals = self.rows(output, self.arrays[self.outputs + output])
+        sums = self.rows(output, self.place(chunk, output))
+        for rows in zip(totals, sums, strict=True):
             with counted(self.build, begin, end) as index:
                 places = [self.build.gep(row, [index], source_etype=self.number) for row in rows]
-                values = (self.build.load(at, typ=self.number) for at in places)
+                values = (self.build.load(place, typ=self.number) for place in places)
                 self.build.store(self.build.fadd(*values, flags=FREE), places[0])

@@ -110,20 +110,22 @@ def _module(loop: PairLoop, particles: int, room: int) -> ir.Module:
     module = ir.Module("pairs")
     operands = 3 + len(loop.inputs)
     pointers = [POINTER] * (operands + len(loop.outputs))
-    shared = {at for of in loop.in_place for at in (3 + of.given, operands + of.taken)}
+    shared = {
+        index for alias in loop.in_place for index in (3 + alias.input, operands + alias.output)
+    }
 
     def function(name: str, *more: ir.Type) -> ir.Function:
         kind = ir.FunctionType(ir.VoidType(), [*pointers, *more])
-        made = ir.Function(module, kind, name)
-        made.linkage = "internal"
+        body = ir.Function(module, kind, name)
+        body.linkage = "internal"
         if loop.linear:
             # On a stack aligned to 16 bytes, vectors as long as a cache line would straddle two.
-            made.attributes.alignstack = LINEAR
-            made.attributes.add("nounwind")  # llvmlite omits alignstack if it is the only attribute
-        for index, argument in enumerate(made.args[: len(pointers)]):
+            body.attributes.alignstack = LINEAR
+            body.attributes.add("nounwind")  # llvmlite omits alignstack if it is the only attribute
+        for index, argument in enumerate(body.args[: len(pointers)]):
             if index not in shared:
                 argument.add_attribute("noalias")
-        return made
+        return body
 
     law, body = function("law", POINTER, LONG, POINTER), function("loop", *[LONG] * 5)
     shape = LONG(particles), LONG(room)
@@ -135,13 +137,13 @@ def _module(loop: PairLoop, particles: int, room: int) -> ir.Module:
     frame = CallFrame(build, handler.args[0])
     number = chunk_count(room)
     data = frame.buffers(operands, len(loop.outputs) + (number > 1))
-    listed = build.sext(build.load(data[2], typ=INT), LONG)
-    listed = build.select(build.icmp_signed("<", listed, shape[1]), listed, shape[1])
+    pairs = build.sext(build.load(data[2], typ=INT), LONG)
+    pairs = build.select(build.icmp_signed("<", pairs, shape[1]), pairs, shape[1])
     if number == 1:
-        build.call(body, [*data, LONG(0), listed, shape[1], LONG(0), shape[0]])
+        build.call(body, [*data, LONG(0), pairs, shape[1], LONG(0), shape[0]])
     else:
         both = chunk_stages(loop, body, number, particles, room)
-        threads.run(frame, both, number, [*data, listed], spare=2 * number)
+        threads.run(frame, both, number, [*data, pairs], spare=2 * number)
     build.ret(NULL)
     return module
 
@@ -178,14 +180,14 @@ class _Body:
           low, high: range of the particles that these pairs add to, `high` exclusive.
         """
         build, loop = self.build, self.loop
-        in_place = {of.taken for of in loop.in_place}
-        lasting = {of.taken for of in loop.in_place if of.lasting}
+        in_place = {alias.output for alias in loop.in_place}
+        lasting = {alias.output for alias in loop.in_place if alias.lasting}
         for pointer, leaf in zip(self.outputs, loop.outputs, strict=True):
             if leaf.kind is Kind.PARTICLE:
                 self.clear(pointer, leaf, low, high)
         lanes = _lanes(loop)
-        found, met = (build.alloca(LONG, size) for size in (lanes, 1))
-        build.store(LONG(0), met)
+        queue, length = (build.alloca(LONG, size) for size in (lanes, 1))
+        build.store(LONG(0), length)
         nothing = ir.VectorType(TYPES[loop.outputs[0].dtype], lanes)(None)
         over_all = [place for place in slots(loop.outputs) if self.over_all(place)]
         sums = build.alloca(nothing.type, max(1, len(over_all)))
@@ -195,25 +197,25 @@ class _Body:
             (touching,) = translate(build, loop.guard, _Reader(self, pair), None)
             with build.if_else(touching) as (near, apart):
                 with near:
-                    so_far = build.load(met, typ=LONG)
-                    build.store(pair, build.gep(found, [so_far], source_etype=LONG))
-                    more = build.add(so_far, LONG(1))
-                    build.store(more, met)
-                    with build.if_then(build.icmp_signed("==", more, LONG(lanes))):
-                        build.call(law, [*self.arguments, found, more, sums])
-                        build.store(LONG(0), met)
+                    old_length = build.load(length, typ=LONG)
+                    build.store(pair, build.gep(queue, [old_length], source_etype=LONG))
+                    new_length = build.add(old_length, LONG(1))
+                    build.store(new_length, length)
+                    with build.if_then(build.icmp_signed("==", new_length, LONG(lanes))):
+                        build.call(law, [*self.arguments, queue, new_length, sums])
+                        build.store(LONG(0), length)
                 with apart:
                     for place in slots(loop.outputs):
                         leaf = loop.outputs[place[0]]
                         if leaf.kind is Kind.PAIR and place[0] not in lasting:
-                            at = self.place(self.outputs[place[0]], leaf, place[1], pair)
-                            build.store(TYPES[leaf.dtype](0.0), at)
-        left = build.load(met, typ=LONG)
-        with build.if_then(build.icmp_signed(">", left, LONG(0))):
-            first = build.load(found, typ=LONG)
-            with counted(build, left, LONG(lanes)) as lane:  # repeat a pair in the unused lanes
-                build.store(first, build.gep(found, [lane], source_etype=LONG))
-            build.call(law, [*self.arguments, found, left, sums])
+                            address = self.place(self.outputs[place[0]], leaf, place[1], pair)
+                            build.store(TYPES[leaf.dtype](0.0), address)
+        remaining = build.load(length, typ=LONG)
+        with build.if_then(build.icmp_signed(">", remaining, LONG(0))):
+            first = build.load(queue, typ=LONG)
+            with counted(build, remaining, LONG(lanes)) as lane:  # repeat a pair in unused lanes
+                build.store(first, build.gep(queue, [lane], source_etype=LONG))
+            build.call(law, [*self.arguments, queue, remaining, sums])
         for index, (pointer, leaf) in enumerate(zip(self.outputs, loop.outputs, strict=True)):
             if leaf.kind is Kind.PAIR and index not in in_place:
                 self.clear(pointer, leaf, end, past)
@@ -222,24 +224,24 @@ class _Body:
             total = build.extract_element(lane_sums, INT(0))
             for lane in range(1, lanes):
                 total = build.fadd(total, build.extract_element(lane_sums, INT(lane)), flags=FREE)
-            at = self.place(self.outputs[index], loop.outputs[index], row, LONG(0))
-            build.store(total, at)
+            address = self.place(self.outputs[index], loop.outputs[index], row, LONG(0))
+            build.store(total, address)
         build.ret_void()
 
-    def law(self, found: ir.Value, count: ir.Value, sums: ir.Value) -> None:
+    def law(self, queue: ir.Value, count: ir.Value, sums: ir.Value) -> None:
         """Emits the law for one vector of pairs; only the first `count` lanes are counted.
 
         Outputs that are summed over all pairs are accumulated lane by lane in a vector each.
 
         Args:
-          found: address of the indices of the pairs, one for each lane.
+          queue: address of the indices of the pairs, one for each lane.
           count: number of lanes in use; the other lanes repeat a pair.
           sums: address of the vectors of the outputs that are summed over all pairs.
         """
         build, loop = self.build, self.loop
         lanes = _lanes(loop)
         pairs = [
-            build.load(build.gep(found, [LONG(lane)], source_etype=LONG), typ=LONG)
+            build.load(build.gep(queue, [LONG(lane)], source_etype=LONG), typ=LONG)
             for lane in range(lanes)
         ]
         readers = [_Reader(self, pair) for pair in pairs]
@@ -253,29 +255,31 @@ class _Body:
 
         values = translate(build, loop.law, read, lanes)
         results = list(zip(slots(loop.outputs), values, strict=True))
-        new = self.below(count, lanes)
-        for number, whole in enumerate(value for at, value in results if self.over_all(at)):
-            at = self.sum(sums, number, whole.type)
-            added = build.select(new, whole, whole.type(None))
-            build.store(build.fadd(build.load(at, typ=whole.type), added, flags=FREE), at)
+        in_use = self.below(count, lanes)
+        shared = [value for place, value in results if self.over_all(place)]
+        for number, whole in enumerate(shared):
+            address = self.sum(sums, number, whole.type)
+            added = build.select(in_use, whole, whole.type(None))
+            total = build.fadd(build.load(address, typ=whole.type), added, flags=FREE)
+            build.store(total, address)
         results = [(place, value) for place, value in results if not self.over_all(place)]
         for lane, (pair, reader) in enumerate(zip(pairs, readers, strict=True)):
             with build.if_then(build.icmp_signed("<", LONG(lane), count)):
                 targets = [self.target(place, pair, reader) for place, _ in results]
-                for (place, value), at in zip(results, targets, strict=True):
+                for (place, value), address in zip(results, targets, strict=True):
                     if not place[2]:
-                        self.add(place, at, build.extract_element(value, INT(lane)))
+                        self.add(place, address, build.extract_element(value, INT(lane)))
                 with build.if_then(build.not_(reader.wall)):
-                    for (place, value), at in zip(results, targets, strict=True):
+                    for (place, value), address in zip(results, targets, strict=True):
                         if place[2]:
-                            self.add(place, at, build.extract_element(value, INT(lane)))
+                            self.add(place, address, build.extract_element(value, INT(lane)))
         build.ret_void()
 
     def over_all(self, place: Slot) -> bool:
         return self.loop.outputs[place[0]].kind is Kind.SHARED
 
-    def sum(self, sums: ir.Value, number: int, of: ir.Type) -> ir.Value:
-        return self.build.gep(sums, [LONG(number)], source_etype=of)
+    def sum(self, sums: ir.Value, number: int, kind: ir.Type) -> ir.Value:
+        return self.build.gep(sums, [LONG(number)], source_etype=kind)
 
     def below(self, count: ir.Value, lanes: int) -> ir.Value:
         """Mask of the lanes whose index is below `count`."""
@@ -292,12 +296,12 @@ class _Body:
         index = pair if leaf.kind is Kind.PAIR else particle
         return self.place(self.outputs[n], leaf, row, index)
 
-    def add(self, place: Slot, at: ir.Value, value: ir.Value) -> None:
+    def add(self, place: Slot, address: ir.Value, value: ir.Value) -> None:
         leaf = self.loop.outputs[place[0]]
         if leaf.kind is not Kind.PAIR:
-            before = self.build.load(at, typ=TYPES[leaf.dtype])
+            before = self.build.load(address, typ=TYPES[leaf.dtype])
             value = self.build.fadd(before, value, flags=FREE)
-        self.build.store(value, at)
+        self.build.store(value, address)
 
     def clear(self, pointer: ir.Value, leaf: Operand, begin: ir.Value, end: ir.Value) -> None:
         for row in range(leaf.width):
@@ -320,27 +324,27 @@ class _Reader:
         self.body, self.pair, build = body, pair, body.build
 
         def end(pointer: ir.Value) -> ir.Value:
-            at = build.gep(pointer, [pair], source_etype=INT)
-            return build.sext(build.load(at, typ=INT), LONG)
+            address = build.gep(pointer, [pair], source_etype=INT)
+            return build.sext(build.load(address, typ=INT), LONG)
 
         self.first, self.second = end(body.first), end(body.second)
         self.wall = build.icmp_signed(">=", self.second, body.particles)
         self.inside = build.select(self.wall, LONG(0), self.second)
         self.places = slots(body.loop.inputs)
-        self.known: dict[int, ir.Value] = {}
+        self.values: dict[int, ir.Value] = {}
 
     def type_of(self, scalar: int) -> ir.Type:
         return TYPES[self.body.loop.inputs[self.places[scalar][0]].dtype]
 
     def __call__(self, scalar: int) -> ir.Value:
-        if scalar not in self.known:
-            self.known[scalar] = self._read(*self.places[scalar])
-        return self.known[scalar]
+        if scalar not in self.values:
+            self.values[scalar] = self._read(*self.places[scalar])
+        return self.values[scalar]
 
     def _read(self, n: int, row: int, of_second: bool) -> ir.Value:
         build, leaf = self.body.build, self.body.loop.inputs[n]
         particle = self.inside if of_second else self.first
         index = {Kind.PARTICLE: particle, Kind.PAIR: self.pair, Kind.SHARED: LONG(0)}[leaf.kind]
-        at = self.body.place(self.body.inputs[n], leaf, row, index)
-        value = build.load(at, typ=TYPES[leaf.dtype])
+        address = self.body.place(self.body.inputs[n], leaf, row, index)
+        value = build.load(address, typ=TYPES[leaf.dtype])
         return build.select(self.wall, TYPES[leaf.dtype](0), value) if of_second else value

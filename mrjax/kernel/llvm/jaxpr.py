@@ -21,8 +21,8 @@ FREE = ("contract", "nsz", "arcp")
 """Fast-math flags that XLA uses too: fused multiply-add, no signed zeros, reciprocals."""
 
 
-def _nth(of: Callable[[Any], ir.Value], atoms: list, place: int) -> ir.Value:
-    return of(atoms[place])
+def _nth(value_of: Callable[[Any], ir.Value], atoms: list, place: int) -> ir.Value:
+    return value_of(atoms[place])
 
 
 def as_word(build: ir.IRBuilder, value: ir.Value) -> ir.Value:
@@ -62,28 +62,28 @@ def translate(
       read: function that returns an argument by its index; it is called where the value is needed.
       lanes: number of lanes of the vectors that replace the scalars; None for scalars.
     """
-    arguments = {variable: i for i, variable in enumerate(closed.jaxpr.invars)}
+    indices = {variable: i for i, variable in enumerate(closed.jaxpr.invars)}
     values = {
         variable: _constant(value, variable.aval.dtype, lanes)
         for variable, value in zip(closed.jaxpr.constvars, closed.consts, strict=True)
     }
 
-    def of(atom) -> ir.Value:
+    def value_of(atom) -> ir.Value:
         if isinstance(atom, Literal):
             return _constant(atom.val, atom.aval.dtype, lanes)  # type: ignore[attr-defined] # an array
-        if atom in arguments:
-            return read(arguments[atom])
+        if atom in indices:
+            return read(indices[atom])
         return values[atom]
 
     for equation in closed.jaxpr.eqns:
         inner = next((equation.params[k] for k in INNER if k in equation.params), None)
         if inner is not None:
-            results = translate(build, inner, partial(_nth, of, equation.invars), lanes)
+            results = translate(build, inner, partial(_nth, value_of, equation.invars), lanes)
         else:
-            given = [of(atom) for atom in equation.invars]
-            results = [_operation(build, equation, given, lanes)]
+            arguments = [value_of(atom) for atom in equation.invars]
+            results = [_operation(build, equation, arguments, lanes)]
         values.update(zip(equation.outvars, results, strict=True))
-    return [of(atom) for atom in closed.jaxpr.outvars]
+    return [value_of(atom) for atom in closed.jaxpr.outvars]
 
 
 def _type(dtype: np.dtype, lanes: int | None) -> ir.Type:
@@ -135,52 +135,56 @@ FUNCTIONS = {
 """Functions of the C library, keyed by the JAX operation that they compute."""
 
 
-def _operation(build: ir.IRBuilder, equation, given: list[ir.Value], lanes: int | None) -> ir.Value:
+def _operation(
+    build: ir.IRBuilder, equation, operands: list[ir.Value], lanes: int | None
+) -> ir.Value:
     """Emits one JAX operation on scalars.
 
     Raises:
       NotImplementedError: the operation is not among those that contact laws use.
     """
-    name, kind = equation.primitive.name, equation.outvars[0].aval.dtype
-    of = equation.invars[0].aval.dtype
-    real = of.kind == "f"
+    name, result = equation.primitive.name, equation.outvars[0].aval.dtype
+    dtype = equation.invars[0].aval.dtype
+    real = dtype.kind == "f"
     if len(equation.outvars) > 1 or any(atom.aval.shape for atom in equation.outvars):
         raise NotImplementedError(f"{name} gives more than one number, which has no machine code")
     if name in SAME or (name == "reduce_sum" and not equation.params["axes"]):
-        return given[0]
+        return operands[0]
     if name in ARITHMETIC and real:
-        return getattr(build, ARITHMETIC[name])(*given, flags=FREE)
+        return getattr(build, ARITHMETIC[name])(*operands, flags=FREE)
     if name in WHOLE and not real:
-        return getattr(build, WHOLE[name])(*given)
+        return getattr(build, WHOLE[name])(*operands)
     if name in ORDER:
         if real:
             compare = build.fcmp_unordered if name == "ne" else build.fcmp_ordered
-            return compare(ORDER[name], *given)
-        return build.icmp_signed(ORDER[name], *given)
+            return compare(ORDER[name], *operands)
+        return build.icmp_signed(ORDER[name], *operands)
     if name in LOGIC:
-        return getattr(build, LOGIC[name])(*given)
+        return getattr(build, LOGIC[name])(*operands)
     if name == "not":
-        return build.not_(*given)
+        return build.not_(*operands)
     if name == "is_finite":
-        size = build.call(_intrinsic(build.module, "llvm.fabs", of, lanes, 1), given)
-        return build.fcmp_ordered("<", size, _constant(np.inf, of, lanes))
+        magnitude = build.call(_intrinsic(build.module, "llvm.fabs", dtype, lanes, 1), operands)
+        return build.fcmp_ordered("<", magnitude, _constant(np.inf, dtype, lanes))
     if name == "neg" and real:
-        return build.fneg(*given)
+        return build.fneg(*operands)
     if name in INTRINSIC and real:
-        return build.call(_intrinsic(build.module, INTRINSIC[name], of, lanes, len(given)), given)
-    if name == "select_n" and len(given) == 3:
-        return build.select(given[0], given[2], given[1])
+        return build.call(
+            _intrinsic(build.module, INTRINSIC[name], dtype, lanes, len(operands)), operands
+        )
+    if name == "select_n" and len(operands) == 3:
+        return build.select(operands[0], operands[2], operands[1])
     if name == "square" and real:
-        return build.fmul(given[0], given[0], flags=FREE)
+        return build.fmul(operands[0], operands[0], flags=FREE)
     if name == "integer_pow" and real:
-        return _power(build, given[0], equation.params["y"], _constant(1.0, of, lanes))
+        return _power(build, operands[0], equation.params["y"], _constant(1.0, dtype, lanes))
     if name in COMPOSED and real:
-        return _composed(build, name, given, of, lanes)
-    if name in FUNCTIONS and real and all(atom.aval.dtype == of for atom in equation.invars):
-        return _function_of_library(build, FUNCTIONS[name], given, of, lanes)
+        return _composed(build, name, operands, dtype, lanes)
+    if name in FUNCTIONS and real and all(atom.aval.dtype == dtype for atom in equation.invars):
+        return _function_of_library(build, FUNCTIONS[name], operands, dtype, lanes)
     if name == "convert_element_type":
-        return _converted(build, given[0], of, kind, _type(kind, lanes))
-    raise NotImplementedError(f"{name} of {of} has no machine code here")
+        return _converted(build, operands[0], dtype, result, _type(result, lanes))
+    raise NotImplementedError(f"{name} of {dtype} has no machine code here")
 
 
 def _intrinsic(
@@ -194,54 +198,56 @@ def _intrinsic(
 
 
 def _composed(
-    build: ir.IRBuilder, name: str, given: list[ir.Value], dtype: np.dtype, lanes: int | None
+    build: ir.IRBuilder, name: str, operands: list[ir.Value], dtype: np.dtype, lanes: int | None
 ) -> ir.Value:
     """Emits an operation composed of others: 1/sqrt(x), 1/(1 + e^-x), the sign, or a clamp."""
-    zero, one = _constant(0.0, dtype, lanes), _constant(1.0, dtype, lanes)
+    zero, unit = _constant(0.0, dtype, lanes), _constant(1.0, dtype, lanes)
     if name == "rsqrt":
-        root = build.call(_intrinsic(build.module, "llvm.sqrt", dtype, lanes, 1), given)
-        return build.fdiv(one, root)
+        root = build.call(_intrinsic(build.module, "llvm.sqrt", dtype, lanes, 1), operands)
+        return build.fdiv(unit, root)
     if name == "logistic":
-        negative = [build.fneg(given[0])]
+        negative = [build.fneg(operands[0])]
         return build.fdiv(
-            one, build.fadd(one, _function_of_library(build, "exp", negative, dtype, lanes))
+            unit, build.fadd(unit, _function_of_library(build, "exp", negative, dtype, lanes))
         )
     if name == "sign":  # the sign of zero is that zero, the sign of NaN is NaN
-        negative = build.select(build.fcmp_ordered("<", given[0], zero), build.fneg(one), given[0])
-        return build.select(build.fcmp_ordered(">", given[0], zero), one, negative)
-    least, value, most = given
+        negative = build.select(
+            build.fcmp_ordered("<", operands[0], zero), build.fneg(unit), operands[0]
+        )
+        return build.select(build.fcmp_ordered(">", operands[0], zero), unit, negative)
+    least, value, most = operands
     above = build.call(_intrinsic(build.module, "llvm.maximum", dtype, lanes, 2), [least, value])
     return build.call(_intrinsic(build.module, "llvm.minimum", dtype, lanes, 2), [above, most])
 
 
 def _function_of_library(
-    build: ir.IRBuilder, name: str, given: list[ir.Value], dtype: np.dtype, lanes: int | None
+    build: ir.IRBuilder, name: str, operands: list[ir.Value], dtype: np.dtype, lanes: int | None
 ) -> ir.Value:
     """Emits calls of a C library function in double precision, lane by lane."""
     double = TYPES["float64"]
     if name not in build.module.globals:
-        ir.Function(build.module, ir.FunctionType(double, [double] * len(given)), name)
+        ir.Function(build.module, ir.FunctionType(double, [double] * len(operands)), name)
     function, single = build.module.globals[name], dtype.itemsize < 8
 
     def value(arguments: list[ir.Value]) -> ir.Value:
-        wide = [build.fpext(one, double) if single else one for one in arguments]
+        wide = [build.fpext(number, double) if single else number for number in arguments]
         result = build.call(function, wide)
         return build.fptrunc(result, TYPES[dtype.name]) if single else result
 
     if lanes is None:
-        return value(given)
+        return value(operands)
     whole = ir.VectorType(TYPES[dtype.name], lanes)(ir.Undefined)
     for lane in map(INT, range(lanes)):
-        result = value([build.extract_element(argument, lane) for argument in given])
+        result = value([build.extract_element(argument, lane) for argument in operands])
         whole = build.insert_element(whole, result, lane)
     return whole
 
 
-def _power(build: ir.IRBuilder, base: ir.Value, exponent: int, one: ir.Value) -> ir.Value:
-    result = one
+def _power(build: ir.IRBuilder, base: ir.Value, exponent: int, unit: ir.Value) -> ir.Value:
+    result = unit
     for _ in range(abs(exponent)):
         result = build.fmul(result, base, flags=FREE)
-    return result if exponent >= 0 else build.fdiv(one, result, flags=FREE)
+    return result if exponent >= 0 else build.fdiv(unit, result, flags=FREE)
 
 
 def _converted(

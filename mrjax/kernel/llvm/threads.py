@@ -29,7 +29,7 @@ def word(build: ir.IRBuilder, words: ir.Value, index: int | ir.Value) -> ir.Valu
 
 
 def run(
-    frame: CallFrame, stages: list[ir.Function], chunks: int, given: list[ir.Value], spare: int
+    frame: CallFrame, stages: list[ir.Function], chunks: int, values: list[ir.Value], spare: int
 ) -> None:
     """Emits code that runs all chunks of the first stage, then all chunks of the next stage.
 
@@ -37,45 +37,45 @@ def run(
       frame: the call frame; code is emitted at the position of its builder.
       stages: functions of the words of a job and the index of a chunk.
       chunks: number of chunks of each stage.
-      given: values of the first words of the job.
+      values: values of the first words of the job.
       spare: number of words after them, which the chunks may write.
     """
     assert len(stages) <= STAGES
     build, module = frame.build, frame.build.module
-    size = WORDS + len(given) + spare
+    size = WORDS + len(values) + spare
     work = _work(module, stages, chunks)
     task = _task(module, work)
     jobs = ir.GlobalVariable(module, ir.ArrayType(LONG, JOBS * size), "jobs")
     jobs.linkage, jobs.initializer = "internal", ir.Constant(jobs.value_type, None)
 
     most = build.sub(frame.threads(), LONG(1))
-    wanted = build.select(build.icmp_signed("<", most, LONG(chunks)), most, LONG(chunks - 1))
+    helper_count = build.select(build.icmp_signed("<", most, LONG(chunks)), most, LONG(chunks - 1))
     own, job, helpers = (build.alloca(LONG, number) for number in (size, 1, 1))
     build.store(LONG(1), word(build, own, USERS))
     build.store(as_word(build, own), job)
     build.store(LONG(0), helpers)
     with counted(build, LONG(0), LONG(JOBS)) as index:
-        missing = build.icmp_signed("<", build.load(helpers, typ=LONG), wanted)
+        missing = build.icmp_signed("<", build.load(helpers, typ=LONG), helper_count)
         with build.if_then(missing):
             place = word(build, jobs, build.mul(index, LONG(size)))
-            users = build.add(wanted, LONG(1))
+            users = build.add(helper_count, LONG(1))
             free = build.cmpxchg(word(build, place, USERS), LONG(0), users, "acq_rel", "acquire")
             with build.if_then(build.extract_value(free, 1)):
                 build.store(as_word(build, place), job)
-                build.store(wanted, helpers)
+                build.store(helper_count, helpers)
 
     place = build.load(job, typ=POINTER)
     for index in range(DRAWN, WORDS):
         build.store(LONG(0), word(build, place, index))
-    for index, value in enumerate(given, start=WORDS):
+    for index, value in enumerate(values, start=WORDS):
         build.store(as_word(build, value), word(build, place, index))
     with counted(build, LONG(0), build.load(helpers, typ=LONG)):
         refused = build.not_(frame.schedule(task, place))
         with build.if_then(refused):
-            _left(build, place)
+            _leave(build, place)
     build.call(work, [place, BIT(1)])
     _wait(build, place, len(stages) * chunks)
-    _left(build, place)
+    _leave(build, place)
 
 
 def _work(module: ir.Module, stages: list[ir.Function], chunks: int) -> ir.Function:
@@ -116,7 +116,7 @@ def _task(module: ir.Module, work: ir.Function) -> ir.Function:
     task = _function(module, "task")
     build = ir.IRBuilder(task.append_basic_block())
     build.call(work, [*task.args, BIT(0)])
-    _left(build, task.args[0])
+    _leave(build, task.args[0])
     build.ret_void()
     return task
 
@@ -143,7 +143,7 @@ def _yield(module: ir.Module) -> ir.Function:
     return ir.Function(module, ir.FunctionType(INT, []), name)
 
 
-def _left(build: ir.IRBuilder, job: ir.Value) -> None:
+def _leave(build: ir.IRBuilder, job: ir.Value) -> None:
     """Emits the decrement of the number of users; a job without users is free for the next call."""
     build.atomic_rmw("sub", word(build, job, USERS), LONG(1), "acq_rel")
 

@@ -23,9 +23,9 @@ class CallFrame:
     def __init__(self, build: ir.IRBuilder, pointer: ir.Value):
         self.build, self.pointer = build, pointer
         # On registration XLA calls with a metadata extension, which asks for the API version.
-        extension = self._at(pointer, EXTENSION)
+        extension = self._load_at(pointer, EXTENSION)
         with build.if_then(build.icmp_unsigned("!=", extension, NULL)):
-            metadata = self._at(extension, METADATA)
+            metadata = self._load_at(extension, METADATA)
             build.store(INT(MAJOR_VERSION), byte_offset(build, metadata, MAJOR))
             build.store(INT(_minor_version()), byte_offset(build, metadata, MINOR))
             build.ret(NULL)
@@ -36,9 +36,9 @@ class CallFrame:
         Args:
           arguments, results: numbers of each.
         """
-        places = self._at(self.pointer, ARGUMENTS), self._at(self.pointer, RESULTS)
+        places = self._load_at(self.pointer, ARGUMENTS), self._load_at(self.pointer, RESULTS)
         return [
-            self._at(self._at(place, 8 * i), DATA)
+            self._load_at(self._load_at(place, 8 * i), DATA)
             for place, number in zip(places, (arguments, results), strict=True)
             for i in range(number)
         ]
@@ -47,26 +47,26 @@ class CallFrame:
         """Number of threads in XLA's pool; 1 if XLA does not report it."""
         number = self.build.alloca(LONG)
         self.build.store(LONG(1), number)
-        self._asked(NUMBER_OF_THREADS, number)
+        self._succeeds(NUMBER_OF_THREADS, number)
         return self.build.load(number, typ=LONG)
 
     def schedule(self, task: ir.Function, data: ir.Value) -> ir.Value:
         """Asks XLA's thread pool to call the task, now or later; true if the pool accepts."""
-        return self._asked(SCHEDULE, task, data)
+        return self._succeeds(SCHEDULE, task, data)
 
-    def _asked(self, function: int, *given: ir.Value) -> ir.Value:
+    def _succeeds(self, function: int, *members: ir.Value) -> ir.Value:
         """Calls a function of the interface; true if it succeeds."""
         build = self.build
-        error = self._called(function, self._at(self.pointer, CONTEXT), *given)
+        error = self._call(function, self._load_at(self.pointer, CONTEXT), *members)
         failed = build.icmp_unsigned("!=", error, NULL)
         with build.if_then(failed):
-            self._called(DESTROY_ERROR, error)
+            self._call(DESTROY_ERROR, error)
         return build.not_(failed)
 
-    def _called(self, function: int, *given: ir.Value) -> ir.Value:
-        interface = self._at(self.pointer, INTERFACE)
-        address = self.build.inttoptr(self._at(interface, function, LONG), FROM_STRUCT)
-        return self.build.call(address, [self._struct(*given)])
+    def _call(self, function: int, *members: ir.Value) -> ir.Value:
+        interface = self._load_at(self.pointer, INTERFACE)
+        address = self.build.inttoptr(self._load_at(interface, function, LONG), FROM_STRUCT)
+        return self.build.call(address, [self._struct(*members)])
 
     def _struct(self, *members: ir.Value) -> ir.Value:
         """Allocates an argument struct: its own size, a null extension, then the members."""
@@ -78,7 +78,7 @@ class CallFrame:
             )
         return struct
 
-    def _at(self, base: ir.Value, offset: int, kind: ir.Type = POINTER) -> ir.Value:
+    def _load_at(self, base: ir.Value, offset: int, kind: ir.Type = POINTER) -> ir.Value:
         return self.build.load(byte_offset(self.build, base, offset), typ=kind)
 
 

@@ -12,7 +12,9 @@ class ValidRange(NamedTuple):
     """Volume fractions from `least` to below `most`, and the reason for each end, in words."""
 
     least: float = 0.0
+    """Least volume fraction; 1."""
     most: float = 1.0
+    """Volume fraction below which the closure holds; 1."""
     below: str = ""
     """Reason why the closure does not hold below `least`."""
     above: str = ""

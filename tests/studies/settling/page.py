@@ -172,7 +172,12 @@ def _inferred() -> str:
         for friction in FRICTIONS
     )
     table = markdown_table(
-        ["height", "friction", *(f"{s} (printed {100 * PRINTED[s]:.1f})" for s in SAMPLES), "deviation"],
+        [
+            "height",
+            "friction",
+            *(f"{s} (printed {100 * PRINTED[s]:.1f})" for s in SAMPLES),
+            "deviation",
+        ],
         rows,
     )
     return f"""## Friction coefficient and definition of the height

@@ -18,9 +18,9 @@ from . import (
 )
 
 NOTE = """\
-The cases are those of MFiX, with Hertz' law in place of its linear spring. If only the linear spring
-has a closed form, the reference is an integration of Hertz' law by a Runge-Kutta method of order 8
-(DOP853) that does not use the package.
+The cases are those of MFiX, with Hertz' law in place of its linear spring. If only the linear
+spring has a closed form, the reference is an integration of Hertz' law by a Runge-Kutta method of
+order 8 (DOP853) that does not use the package.
 
 DEM05: angles are measured from the normal. At the smallest angles the spheres stick, and both codes
 depart from the measurements, because a spring has no microslip. The rows therefore compare the root
