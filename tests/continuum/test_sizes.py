@@ -287,24 +287,25 @@ def test_the_mudline_of_a_spread_needs_a_threshold():
 # --- derivatives and transformations ------------------------------------------------------------
 
 
-def test_gradients():
-    """Forward mode against central differences, and reverse mode against forward mode."""
+def heights(scale, steps=None, cells=CELLS):
+    """Mudline over the height, (3,), as a function of factors on five values, (5,)."""
+    parameters = spheres(np.array([1.2, 0.8]))
+    settled = tube(
+        parameters.replace(
+            viscosity=parameters.viscosity * scale[0], radius=parameters.radius * scale[4]
+        ),
+        jnp.array([0.15, 0.1]) * scale[1],
+        jnp.array([0.8, 2.0, 300.0]) * HEIGHT / SPEED,
+        Partial(drag.richardson_zaki, exponent=EXPONENT * scale[2]),
+        0.6 * scale[3],
+        steps=steps,
+        cells=cells,
+    )
+    return settled.mudline / HEIGHT
+
+
+def test_gradients_against_central_differences():
     start = jnp.ones(5)
-
-    def heights(scale, steps=None):
-        parameters = spheres(np.array([1.2, 0.8]))
-        settled = tube(
-            parameters.replace(
-                viscosity=parameters.viscosity * scale[0], radius=parameters.radius * scale[4]
-            ),
-            jnp.array([0.15, 0.1]) * scale[1],
-            jnp.array([0.8, 2.0, 300.0]) * HEIGHT / SPEED,
-            Partial(drag.richardson_zaki, exponent=EXPONENT * scale[2]),
-            0.6 * scale[3],
-            steps=steps,
-        )
-        return settled.mudline / HEIGHT
-
     forward = jax.jit(jax.jacfwd(heights))(start)
     run, width = jax.jit(heights), 0.03  # wider than the passage of a cell
     for number in range(5):
@@ -312,7 +313,13 @@ def test_gradients():
         difference = (run(start + shift) - run(start - shift)) / (2 * width)
         assert np.abs(forward[:, number] - difference).max() < 0.06
         assert float(forward[2, number]) == pytest.approx(float(difference[2]), abs=1e-3)
-    reverse = jax.jit(jax.grad(lambda scale: heights(scale, 900)[1]))(start)
+
+
+@pytest.mark.slow
+def test_reverse_mode_of_a_given_number_of_steps():
+    start = jnp.ones(5)
+    forward = jax.jit(jax.jacfwd(partial(heights, cells=40)))(start)
+    reverse = jax.jit(jax.grad(lambda scale: heights(scale, 400, 40)[1]))(start)
     assert np.abs(forward[1] - reverse).max() < 1e-9
 
 

