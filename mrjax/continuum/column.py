@@ -7,7 +7,7 @@ velocity with the f_w of each volume fraction. The bed is rigid at phi_m or comp
 (`compression`). Particles lighter than the fluid settle towards the lid in the same way; z is then
 measured down from the lid.
 
-The numerical scheme is in `scheme`.
+The numerical scheme is in `scheme`, and with compression in `consolidation`.
 """
 
 import math
@@ -15,7 +15,7 @@ import math
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 
-from mrjax.continuum import column_checks, scheme
+from mrjax.continuum import column_checks, scheme, yielding
 from mrjax.continuum.case import Case
 from mrjax.continuum.compression import Compression
 from mrjax.continuum.profile import Column as Column
@@ -43,8 +43,8 @@ def column(
     """Simulates the settling, or creaming, of a column of uniform suspension.
 
     The function is pure: it works under `jit`, `grad`, `jvp` and `vmap`, in the dtype of
-    `parameters.radius`. Reverse mode stores twice the square root of the number of steps, in
-    profiles.
+    `parameters.radius`. Reverse mode with a rigid bed stores twice the square root of the number of
+    steps, in profiles.
 
     Args:
       parameters: particles and fluid, one number each; contact properties have no effect.
@@ -52,16 +52,18 @@ def column(
       volume_fraction: phi_0, initial volume fraction of the coated particles, such as
         `recipe.coated_volume_fraction`; 1, ().
       bed_fraction: phi_m, volume fraction of the packed coated particles; 1, ().
-      times: output times, s, increasing, of any spacing, (T,); a step ends at each of them.
+      times: output times, s, increasing, of any spacing, (T,).
       hindrance: f_w as a function of the volume fraction, such as `recipe.hindrance`. By default
         the f_w of the parameters holds at all volume fractions, and the mudline descends in a
         straight line until it meets the bed.
       compression: effective solid stress of the bed; by default the bed is rigid. With compression,
-        phi_m is an upper limit of the volume fraction, near which the permeability of the bed falls
-        to zero. It then changes the rate of the consolidation, not its end.
+        phi_m is the volume fraction above which the bed yields no more. The scheme is then that of
+        `consolidation`: rest heights are within 1e-4, with exact derivatives, and its cost does not
+        depend on the last time.
       cells: number C of cells of equal height.
-      steps: number of equal steps up to the last of the times, or up to the time at which a rigid
-        bed has long been at rest; by default that of `column_steps`.
+      steps: number of steps up to the last of the times, or up to the time at which a rigid bed has
+        long been at rest; by default that of `column_steps`. With compression, steps grow after the
+        suspension has settled, and traced calls need no number.
 
     Raises:
       InputError: an argument cannot be used, there are too few steps (in plain calls), or `steps`
@@ -81,13 +83,22 @@ def column(
     """
     case = Case(parameters, height, volume_fraction, bed_fraction, times, hindrance, compression)
     case, cells, fewest = _check(case, cells)
-    steps = chosen_steps(fewest) if steps is None else checks.whole(steps, "steps", MOST_STEPS)
+    steps = (
+        chosen_steps(case, cells, fewest)
+        if steps is None
+        else checks.whole(steps, "steps", MOST_STEPS)
+    )
     if fewest is not None and steps < fewest * (1.0 - 1e-6):
         raise InputError(
             f"steps = {steps}: a front would cross more than half a cell in a step; give at least "
             f"{math.ceil(fewest)}, or leave steps out"
         )
-    return scheme.solve(case.astype(jnp.asarray(parameters.radius).dtype), cells=cells, steps=steps)
+    case = case.astype(jnp.asarray(parameters.radius).dtype)
+    if case.compression is None:
+        return scheme.solve(case, cells=cells, steps=steps)
+    settled = yielding.solve(case, case.compression, cells=cells, steps=steps)
+    column_checks.refuse_unsolved(settled.mudline, case)
+    return settled
 
 
 def column_steps(
@@ -101,12 +112,13 @@ def column_steps(
     compression: Compression | None = None,
     cells: int = 200,
 ) -> int:
-    """Returns a number of steps for `column` in which no front crosses more than half a cell.
+    """Returns a number of steps for `column`.
 
-    The speed of the fronts is that of `kynch.fastest_front`. The number is rounded up to four
-    binary digits, so that similar parameters share a compiled program. For traced parameters, as in
-    a fit or a `vmap`, call it with all values that may occur, and take the largest number with a
-    margin.
+    With a rigid bed no front crosses more than half a cell in a step. The speed of the fronts is
+    that of `kynch.fastest_front`. The number is rounded up to four binary digits, so that similar
+    parameters share a compiled program. For traced parameters, as in a fit or a `vmap`, call it
+    with all values that may occur, and take the largest number with a margin. With compression the
+    number is twice that of the cells.
 
     Args:
       parameters: as for `column`.
@@ -122,8 +134,8 @@ def column_steps(
       InputError: an argument cannot be used, or is traced by jit or vmap.
     """
     case = Case(parameters, height, volume_fraction, bed_fraction, times, hindrance, compression)
-    _, _, fewest = _check(case, cells)
-    return chosen_steps(fewest)
+    case, cells, fewest = _check(case, cells)
+    return chosen_steps(case, cells, fewest)
 
 
 def _check(case: Case, cells: int) -> tuple[Case, int, float | None]:

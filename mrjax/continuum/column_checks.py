@@ -81,7 +81,7 @@ def possible(case: Case, flux: kynch.Table) -> Array:
     times = case.times
     ascending = jnp.all(jnp.diff(times) > 0.0) & (times[0] >= 0.0) & (times[-1] > 0.0)
     within = jnp.asarray(True)
-    for bound in bounds(case):
+    for bound in (*bounds(case), *compression_bounds(case)):
         within = within & (bound.value > 0.0)
         if bound.limit is not None:
             within = within & (bound.value < bound.limit)
@@ -91,6 +91,28 @@ def possible(case: Case, flux: kynch.Table) -> Array:
 def settles(flux: kynch.Table) -> Array:
     """True, (), if particles settle or rest at every volume fraction of a table."""
     return jnp.all(jnp.isfinite(flux.flux) & (flux.flux >= 0.0))
+
+
+def slower_if_denser(flux: kynch.Table) -> Array:
+    """True, (), if no suspension denser than the initial one falls faster than a thinner one."""
+    fraction, flux_there = flux.fraction[kynch.INTERVALS :], flux.flux[kynch.INTERVALS :]
+    velocity = flux_there / fraction
+    rounding = 16.0 * jnp.finfo(velocity.dtype).eps * velocity[0]
+    return jnp.all(jnp.diff(velocity) <= rounding)
+
+
+def refuse_faster_if_denser(flux: kynch.Table) -> None:
+    """Refuses a flux of a yielding bed in which some denser suspension falls faster.
+
+    Raises:
+      InputError: there is such a suspension.
+    """
+    if not slower_if_denser(flux):
+        raise InputError(
+            "some suspension falls faster than a thinner one; with a compression, give a hindrance "
+            f"that grows with the volume fraction, from {float(flux.initial):.3g} to bed_fraction "
+            f"= {float(flux.densest):.3g}"
+        )
 
 
 def refuse_not_settling(flux: kynch.Table) -> None:
@@ -106,6 +128,21 @@ def refuse_not_settling(flux: kynch.Table) -> None:
                 f"{value / fraction:.3g} m/s; give a hindrance that holds up to bed_fraction = "
                 f"{float(flux.fraction[-1]):.3g}, in a viscous fluid"
             )
+
+
+def refuse_unsolved(mudline: Array, case: Case) -> None:
+    """Refuses a result of a yielding bed whose equations were not solved; traced values pass.
+
+    Raises:
+      InputError: the mudline is NaN.
+    """
+    heights = value_or_none(mudline)
+    if heights is not None and not np.isfinite(heights).all():
+        raise InputError(
+            f"compression = {case.compression}: the equations of the bed were not solved, as may "
+            "happen where its stress is too small to hold it below bed_fraction; give a larger "
+            "stress, or leave compression out for a rigid bed"
+        )
 
 
 def refuse_number(bound: Bound) -> None:

@@ -95,6 +95,19 @@ def filled_in_dilute(f_w: Array, fraction: Array) -> Array:
     return jnp.where(unknown, f_w[first] * fraction / fraction[first], f_w)
 
 
+def velocity(parameters: Parameters, hindrance: Hindrance | None, fraction: Array) -> Array:
+    """Returns v(phi), the terminal velocity at each volume fraction; m/s, of their shape or ().
+
+    Args:
+      parameters: particles of one kind, with leaves ().
+      hindrance: f_w as a function of the volume fraction; None to use f_w of the parameters.
+      fraction: volume fractions.
+    """
+    if hindrance is None:
+        return terminal_velocity(parameters)
+    return terminal_velocity(parameters.replace(f_w=hindrance(fraction)))
+
+
 def fastest_front(flux_table: Table, state: Array) -> Array:
     """Returns the greatest speed of a front or wave from a uniform suspension; m/s, ().
 

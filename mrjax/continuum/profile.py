@@ -28,6 +28,8 @@ class Column:
     continuous, and differentiable except at kinks. It starts at `initial_height`, and comes to rest
     on a rigid bed at height x volume_fraction / bed_fraction.
 
+    With a compression it is the upper end of the material cells, accurate to second order.
+
     If the particles rise, it is the height of the lower interface.
     """
     bed_front: Array
@@ -48,6 +50,7 @@ class Column:
     initial_height: Array
     """Height of the suspension at the start, m, ()."""
     courant: Array
-    """Number of cells that the fastest front crosses in a step; 1, ()."""
+    """Number of cells that the fastest front crosses in a step, with a compression in the first
+    step; 1, ()."""
     steps: int = field(metadata={"static": True})
-    """Number of equal steps; each output time cuts one of them in two."""
+    """Number of steps. With a rigid bed they are equal, and each output time cuts one in two."""

@@ -1,8 +1,6 @@
-"""Finite volumes for a settling column: Godunov fluxes, Heun's steps, implicit stress.
+"""Finite volumes for a column with a rigid bed: Godunov fluxes between lines, Heun's steps.
 
-With a rigid bed: piecewise-linear reconstruction (minmod) and Heun's steps (Shu & Osher 1988). With
-a compressible bed: piecewise-constant reconstruction, explicit Euler, and the stress implicit.
-
+Profiles are linear within a cell (minmod), and steps are those of Shu & Osher (1988).
 The scheme is conservative and keeps the volume fractions between 0 and phi_m. Near fronts it is of
 first order, like any scheme.
 """
@@ -14,11 +12,10 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
-from mrjax.continuum import characteristics, column_checks, compression, interfaces, kynch
+from mrjax.continuum import characteristics, column_checks, interfaces, kynch
 from mrjax.continuum.case import Case
 from mrjax.continuum.profile import Column
-from mrjax.core.parameters import Parameters
-from mrjax.laws import particle, yield_stress
+from mrjax.laws import yield_stress
 
 REACH = 0.5
 """Largest number of cells that a front may cross in a step. It is one half, because with linear
@@ -40,14 +37,11 @@ def solve(case: Case, *, cells: int, steps: int) -> Column:
     si = kynch.table(case.parameters, case.hindrance, initial, densest)
     times = until_rest(case, si)
     flux = si._replace(flux=si.flux * (times[-1] / steps / cell))  # in cells per step
-    courant = fastest_front(case, flux)
+    courant = kynch.fastest_front(flux, initial)
     profiles = _profiles(case._replace(times=times), flux, cells, steps)
-    full = densest
-    if case.compression is not None:
-        full = jnp.minimum(full, case.compression.gel_fraction)
-    mudline = interfaces.mudline(profiles, jnp.minimum(initial, full), densest)
-    meets = kynch.bed_contact_fraction(flux, full)
-    bed_front = interfaces.bed_front(profiles, mudline, meets, full)
+    mudline = interfaces.mudline(profiles, initial, densest)
+    meets = kynch.bed_contact_fraction(flux, densest)
+    bed_front = interfaces.bed_front(profiles, mudline, meets, densest)
     # A factor, not a `where`: derivatives of an invalid result are NaN, too.
     possible = column_checks.possible(case, flux) & (courant <= REACH * (1.0 + 1e-5))
     valid = jnp.where(possible, 1.0, jnp.nan).astype(initial.dtype)
@@ -78,18 +72,8 @@ def until_rest(case: Case, flux: kynch.Table) -> Array:
       flux: f, in m/s.
     """
     times = yield_stress.effective_times(case.parameters, jnp.asarray(case.times))
-    if case.compression is not None:
-        return times
     rest = lax.stop_gradient(characteristics.rest_time(flux, jnp.asarray(case.height)))
     return jnp.minimum(times, AT_REST * rest)
-
-
-def fastest_front(case: Case, flux: kynch.Table) -> Array:
-    """Returns the speed of the fastest front from the suspension or a compressible bed; ()."""
-    front = kynch.fastest_front(flux, case.volume_fraction)
-    if case.compression is None:
-        return front
-    return jnp.maximum(front, kynch.fastest_front(flux, case.compression.gel_fraction))
 
 
 def _profiles(case: Case, flux: kynch.Table, cells: int, steps: int) -> Array:
@@ -105,23 +89,12 @@ def _profiles(case: Case, flux: kynch.Table, cells: int, steps: int) -> Array:
     lengths = jnp.pad(lengths, (0, missing)).reshape(-1, chunk)
     slots = jnp.pad(slots, (0, missing), constant_values=count).reshape(-1, chunk)
     godunov = kynch.prepare_godunov(kynch.slope_limited(flux, jnp.full_like(case.height, REACH)))
-    stress, weight = case.compression, _net_weight(case.parameters) * case.height / cells
 
-    def second_order(fraction: Array, length: Array) -> Array:
+    def flux_between(fraction: Array, length: Array) -> Array:
         """Flux of Heun's step, of second order in smooth profiles."""
         first = length * _limited_flux(godunov, fraction, case.bed_fraction)
         predicted = fraction + jnp.diff(jnp.pad(first, 1))
         return 0.5 * (first + length * _limited_flux(godunov, predicted, case.bed_fraction))
-
-    def first_order(fraction: Array, length: Array) -> Array:
-        """Flux of Euler's step between constant cells.
-
-        In a compressible bed at rest, fluxes balance for thousands of steps; the derivative of a
-        sharper scheme would grow without bound over these steps.
-        """
-        return length * kynch.godunov_flux(godunov, fraction[:-1], fraction[1:])
-
-    flux_between = second_order if stress is None else first_order
 
     def step(carry: Carry, now: tuple[Array, Array]) -> tuple[Carry, None]:
         fraction, rounding, recorded = carry
@@ -131,10 +104,6 @@ def _profiles(case: Case, flux: kynch.Table, cells: int, steps: int) -> Array:
         change = jnp.diff(jnp.pad(down, 1)) + rounding
         settled = fraction + change
         rounding = change - (settled - fraction)
-        if stress is not None:
-            settled = compression.spread(
-                settled, compression.exchange(stress, weight, fraction, down)
-            )
         return (
             settled,
             rounding,
@@ -183,9 +152,3 @@ def _step_lengths(times: Array, steps: int) -> tuple[Array, Array]:
     number = jnp.arange(count, dtype=jnp.int32)
     ends = jnp.floor(lax.stop_gradient(time_in_steps)).astype(jnp.int32) + number
     return lengths, jnp.full(steps + count, count, jnp.int32).at[ends].set(number)
-
-
-def _net_weight(parameters: Parameters) -> Array:
-    """Net weight Delta rho g of the coated particles over their volume; N/m^3, ()."""
-    excess = particle.apparent_density(parameters) - parameters.fluid_density
-    return excess * parameters.gravity

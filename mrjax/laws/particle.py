@@ -96,6 +96,12 @@ def rises(parameters: Parameters) -> Array:
     return jnp.sum(net_weight(parameters)) < 0.0
 
 
+def net_weight_density(parameters: Parameters) -> Array:
+    """Net weight of the coated particles over their volume, Delta rho g; N/m^3."""
+    excess = apparent_density(parameters) - parameters.fluid_density
+    return excess * parameters.gravity
+
+
 def net_weight(parameters: Parameters) -> Array:
     """Net weight: weight less buoyancy (Eqs. 22 and 23), positive downwards; N.
 

@@ -28,6 +28,8 @@ Sources: A. N. Beris, J. A. Tsamopoulos, R. C. Armstrong & R. A. Brown, J. Fluid
 R. P. Chhabra & P. H. T. Uhlherr, J. Non-Newtonian Fluid Mech. 59, 245 (1995).
 """
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -182,19 +184,15 @@ def effective_times(parameters: Parameters, times: ArrayLike) -> Array:
     if growth is None:
         return times
     start = 0.0 if parameters.yield_stress is None else parameters.yield_stress
+    critical = jnp.max(critical_yield_stress(parameters))
     grows = growth > 0.0
-    rest = jnp.maximum(critical_yield_stress(parameters) - start, 0.0)
-    stop = jnp.max(jnp.where(grows, rest / jnp.where(grows, growth, 1.0), jnp.inf))
-    end = jnp.minimum(times, stop)
+    stop = jnp.maximum(critical - start, 0.0) / jnp.where(grows, growth, 1.0)
+    end = jnp.where(grows, jnp.minimum(times, stop), times)
     # Nodes are denser at the start, where the drag of a small yield stress has an infinite slope.
     node, weight = (jnp.asarray(row, end.dtype) for row in _quadrature())
     age = end[:, None] * node[None]  # (T, NODES)
-
-    def velocity(age: Array) -> Array:
-        return _mean_velocity(parameters, start + growth * age)
-
-    aged = jax.vmap(jax.vmap(velocity))(age)
-    fresh = velocity(jnp.zeros((), end.dtype))
+    aged = jax.vmap(jax.vmap(partial(_mean_velocity, parameters)))(start + growth * age)
+    fresh = _mean_velocity(parameters, jnp.asarray(start, end.dtype))
     moves = fresh != 0.0
     fallen = end * (aged @ weight)
     return jnp.where(moves, fallen / jnp.where(moves, fresh, 1.0), times)

@@ -1,4 +1,4 @@
-"""The settling column: Kynch's constructions, conservation, order, gradients, a bed that yields."""
+"""The settling column: Kynch's constructions, conservation, order and gradients."""
 
 from functools import partial
 
@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.tree_util import Partial
-from scipy.integrate import quad
 from scipy.optimize import brentq
 
 import mrjax
@@ -340,20 +339,14 @@ def test_lines_through_the_cells_make_no_new_extremes(law):
     assert total < 0.9 * first  # it had something to lose
 
 
-@pytest.mark.parametrize(
-    "compression",
-    [None, Compression(gel_fraction=0.3, stress=20.0, exponent=6.0)],
-    ids=["rigid", "compressible"],
-)
 @pytest.mark.parametrize("law", ["one speed", "cap", "wavy"])
-def test_solid_is_kept_and_never_more_than_a_bed(law, compression):
+def test_solid_is_kept_and_never_more_than_a_bed(law):
     random = np.random.default_rng(5)
     needed = []
     for initial, densest in ((1e-6, 0.6), (0.5, 0.51), (0.599, 0.6), (0.2, 0.99)):
         given = dict(
             height=HEIGHT, volume_fraction=initial, bed_fraction=densest,
             times=np.sort(random.uniform(0, 1e5, 5)), hindrance=LAWS[law], cells=20,
-            compression=compression,
         )  # fmt: skip
         needed.append(column_steps(spheres(), **given))
         settled = column(spheres(), **given, steps=25000)
@@ -462,109 +455,6 @@ def test_many_at_once_and_in_single_precision():
     np.testing.assert_allclose(solid(single), 0.2 * HEIGHT, rtol=2e-5)
 
 
-# --- a compressible bed -------------------------------------------------------------------------
-
-WEIGHT = 6000.0 * 9.81  # of the solid in the fluid, N/m^3
-SOFT = Compression(gel_fraction=0.3, stress=40.0, exponent=7.0)
-
-
-def test_the_stress_is_its_own_derivative():
-    fraction = jnp.asarray([0.1, 0.29, 0.31, 0.4, 0.6])
-    slope = jax.vmap(jax.grad(SOFT.solid_stress))(fraction)
-    np.testing.assert_allclose(SOFT.stiffness(fraction), slope, rtol=EXACT)
-    np.testing.assert_allclose(SOFT.solid_stress(0.6), 40.0 * (2.0**7 - 1.0), rtol=EXACT)
-    assert float(SOFT.solid_stress(0.29)) == 0.0
-
-
-def at_rest(initial, compression):
-    """Height of the bed and its profile, from sigma' dphi/dz = -Delta rho g phi; m."""
-    gel, stress, k = (compression.gel_fraction, compression.stress, compression.exponent)
-    floor = gel * (1 + WEIGHT * initial * HEIGHT / stress) ** (1 / k)
-    length = k * stress / ((k - 1) * WEIGHT * gel)
-    top = length * ((floor / gel) ** (k - 1) - 1)
-    return top, lambda z: gel * (1 + (top - z) / length) ** (1 / (k - 1))
-
-
-@pytest.mark.parametrize("initial", [0.15, 0.35], ids=["suspension", "gelled from the start"])
-def test_at_rest_the_network_carries_the_weight(initial):
-    def rested(stress):
-        return column(
-            spheres(), height=HEIGHT, volume_fraction=initial, bed_fraction=0.64,
-            times=[100.0 * HEIGHT / SPEED], hindrance=zaki(),
-            compression=Compression(gel_fraction=0.3, stress=stress, exponent=7.0),
-        )  # fmt: skip
-
-    settled, slope = jax.jvp(rested, (40.0,), (1.0,))
-    top, profile = at_rest(initial, SOFT)
-    # The last cell is a part of one: its solid counts, and stands for less than a cell.
-    assert float(settled.mudline[0]) == pytest.approx(top, abs=0.2 * HEIGHT / 200)
-    assert float(settled.bed_front[0]) == pytest.approx(top, abs=0.2 * HEIGHT / 200)
-    inside = np.asarray(settled.levels) < top - HEIGHT / 100
-    found = np.asarray(settled.volume_fraction)[0]
-    exact = profile(np.asarray(settled.levels)[inside])
-    # The bed's top is found to a part of a cell, and phi is steepest there.
-    np.testing.assert_allclose(found[inside], exact, atol=0.003)
-    np.testing.assert_allclose(found[inside][:40], exact[:40], rtol=2e-3)
-    assert exact[0] > 1.2 * exact[-1]
-    # sigma is the weight of all that is above, but for half of the last cell.
-    cell, stress = HEIGHT / 200, SOFT.solid_stress(found[inside])
-    above = cell * (np.cumsum(found[::-1])[::-1] - 0.5 * found)[inside]
-    np.testing.assert_allclose(stress, WEIGHT * above, atol=0.5 * WEIGHT * 0.31 * cell, rtol=0)
-    between = 0.5 * (found[inside][1:] + found[inside][:-1]) * cell
-    np.testing.assert_allclose(-np.diff(stress)[:55], WEIGHT * between[:55], rtol=1e-6)
-    # A last cell with little in it comes to rest slowly, and what is near it with it.
-    np.testing.assert_allclose(-np.diff(stress), WEIGHT * between, rtol=0.05)
-    assert float(solid(settled)[0]) == near(initial * HEIGHT, rel=EXACT)
-    # How a stiffer bed stands higher: the solid, of which the last cell takes its part in steps.
-    centre, by_stress = (
-        (np.asarray(of.volume_fraction)[0] * np.asarray(settled.levels)).sum() * cell
-        for of in (settled, slope)
-    )
-
-    def moment(stress):
-        top, profile = at_rest(initial, Compression(gel_fraction=0.3, stress=stress, exponent=7.0))
-        return quad(lambda z: z * profile(z), 0.0, top)[0]
-
-    assert centre == near(moment(40.0), rel=1e-3)
-    assert by_stress == near((moment(40.01) - moment(39.99)) / 0.02, rel=0.25)
-
-
-def test_a_stiff_bed_is_a_rigid_one():
-    """With a stress that hardly yields the bed is one of the gel fraction."""
-    times = np.linspace(0.0, 2.5, 11) * HEIGHT / SPEED
-    given = dict(height=HEIGHT, volume_fraction=0.1, times=times, hindrance=zaki())
-    rigid = column(spheres(), bed_fraction=0.5, **given)
-
-    def gap(stress):
-        stiff = Compression(gel_fraction=0.5, stress=stress, exponent=8.0)
-        bed = column(spheres(), bed_fraction=0.64, compression=stiff, **given)
-        return max(
-            float(jnp.abs(getattr(bed, line) - getattr(rigid, line)).max()) / HEIGHT
-            for line in ("mudline", "bed_front")
-        )
-
-    assert gap(1e6) < 0.01  # two cells, of either front
-    assert gap(1e2) > 0.02
-
-
-@pytest.mark.parametrize(
-    "gel, fastest", [(0.25, 1.0), (0.4, 2.0), (0.5, 5.0)], ids=["suspension", "gel", "firm gel"]
-)
-def test_steps_follow_the_fastest_front_of_suspension_and_gel(gel, fastest):
-    """With one speed v: v out of the suspension, v gel / (0.6 - gel) off the bed's surface."""
-    times = [0.5 * HEIGHT / SPEED]
-    given = dict(height=HEIGHT, volume_fraction=0.2, bed_fraction=0.6, times=times)
-    given |= dict(compression=Compression(gel_fraction=gel, stress=40.0, exponent=7.0), cells=20)
-    # Half of the height at that speed, half a cell in each step: twice half of the cells.
-    steps = column_steps(spheres(), **given)
-    assert 20 * fastest <= steps < 1.15 * 20 * fastest
-    settled = column(spheres(), **given)
-    assert settled.steps == steps
-    assert float(settled.courant) == near(10 * fastest / steps, rel=1e-9)
-    with pytest.raises(mrjax.InputError, match="a front would cross more than half a cell"):
-        column(spheres(), steps=int(20 * fastest) - 1, **given)
-
-
 # --- use ----------------------------------------------------------------------------------------
 
 
@@ -650,7 +540,7 @@ def test_what_cannot_be_is_not_a_number_where_traced(name, value):
         (dict(times=[1.0, np.nan]), r"times\[1\] = nan must be at least 0 and finite"),
         (dict(times=[1.0, 2.0, 2.0]), r"times\[2\] = 2 s is not after 2 s; give increasing"),
         (
-            dict(times=[1e30], compression=SOFT),
+            dict(cells=10**6, times=[1e30], hindrance=zaki(40.0)),
             r"steps, more than 100000000; give an earlier last time",
         ),
         (dict(cells=0), r"cells = 0 must be a whole number"),

@@ -54,9 +54,12 @@ def valid_range(closure: Callable[..., Array] | None) -> ValidRange | None:
     It is None for a closure without a stated range, one with traced coefficients, and another
     function.
     """
+    if not callable(closure):
+        return None
     if not isinstance(closure, Partial):
-        closure = Partial(closure) if closure in RANGES else None
-    if closure is None or closure.func not in RANGES:
+        closure = Partial(closure)
+    # A function of one's own need not be hashable.
+    if not any(closure.func is known for known in RANGES):
         return None
     known = {}
     for name, coefficient in closure.keywords.items():

@@ -1,0 +1,67 @@
+"""A column with a yielding bed at its output times, as profiles over the height."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+from jax import Array, lax
+
+from mrjax.continuum import column_checks, kynch
+from mrjax.continuum.case import Case
+from mrjax.continuum.compression import Compression
+from mrjax.continuum.consolidation import consolidate, mudline_at, volume_at
+from mrjax.continuum.profile import Column
+from mrjax.laws import yield_stress
+
+
+@partial(jax.jit, static_argnames=("cells", "steps"))
+def solve(case: Case, compression: Compression, *, cells: int, steps: int) -> Column:
+    """Simulates a column on a yielding bed, whose effective solid stress is `compression`."""
+    case, rising = case.sinking()
+    flux = kynch.table(case.parameters, case.hindrance, case.volume_fraction, case.bed_fraction)
+    times = yield_stress.effective_times(case.parameters, case.times)
+    settled = consolidate(case._replace(times=times), compression, cells=cells, steps=steps)
+    height, initial = case.height, case.volume_fraction
+    # A network that is stiff enough swells in the equations, which know no plastic strain.
+    mudline = jnp.minimum(mudline_at(settled, times), height)
+    volume = volume_at(settled, times)
+    layers = height * volume * settled.cells[None]
+    full = jnp.minimum(case.bed_fraction, compression.gel_fraction)
+    meets = kynch.bed_contact_fraction(flux, full)
+    bed = jnp.where(
+        full > meets, (initial / volume - meets) / jnp.where(full > meets, full - meets, 1.0), 1.0
+    )
+    bed_front = jnp.minimum(jnp.sum(layers * jnp.clip(bed, 0.0, 1.0), axis=1), mudline)
+    edges = height * jnp.arange(cells + 1, dtype=mudline.dtype) / cells
+    profiles = jax.vmap(partial(_profile, edges, settled.cells))(layers) * initial * cells
+    courant = kynch.fastest_front(flux, initial) * settled.time[1] / height * cells
+    # A factor, not a `where`: derivatives of an invalid result are NaN, too.
+    possible = column_checks.possible(case, flux) & column_checks.slower_if_denser(flux)
+    possible = possible & settled.solved
+    valid = jnp.where(possible, 1.0, jnp.nan).astype(mudline.dtype)
+
+    def level(distance: Array) -> Array:
+        return valid * jnp.where(rising, height - distance, distance)
+
+    return Column(
+        times=case.times,
+        mudline=level(mudline),
+        bed_front=level(bed_front),
+        sedimentation_ratio=valid * mudline / height,
+        volume_fraction=valid * jnp.where(rising, profiles[:, ::-1], profiles),
+        levels=valid * 0.5 * (edges[1:] + edges[:-1]),
+        initial_height=valid * height,
+        courant=courant,
+        steps=steps,
+    )
+
+
+def _profile(edges: Array, cells: Array, layers: Array) -> Array:
+    """Returns the share of the particles between neighbouring edges, from material cells; (C,)."""
+    zero = jnp.zeros(1, layers.dtype)
+    faces = jnp.concatenate([zero, jnp.cumsum(layers)])
+    number = jnp.searchsorted(faces[1:-1], lax.stop_gradient(edges), method="compare_all")
+    filled = jnp.clip((edges - faces[number]) / layers[number], 0.0, 1.0)
+    below = jnp.concatenate([zero, jnp.cumsum(cells)])[number] + filled * cells[number]
+    # Particles that swelling lifts above the initial height are those of the topmost cell.
+    return jnp.diff(below.at[-1].set(1.0))
