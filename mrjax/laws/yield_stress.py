@@ -69,11 +69,14 @@ def is_newtonian(parameters: Parameters) -> bool:
 def yield_number(parameters: Parameters) -> Array:
     """Yield number Y = 2 pi tau_y R^2 / |W| of a coated particle; 1, () or (N,).
 
-    A single sphere moves if Y < 0.143.
+    A single sphere moves if Y < 0.143. Without a weight Y is infinite, or 0 without a yield stress.
     """
     stress = 0.0 if parameters.yield_stress is None else parameters.yield_stress
-    area = 2.0 * jnp.pi * particle.outer_radius(parameters) ** 2
-    return jnp.divide(stress * area, jnp.abs(particle.net_weight(parameters)))
+    held = stress * 2.0 * jnp.pi * particle.outer_radius(parameters) ** 2
+    weight = jnp.abs(particle.net_weight(parameters))
+    has_weight = weight > 0.0
+    number = held / jnp.where(has_weight, weight, 1.0)
+    return jnp.where(has_weight, number, jnp.where(held > 0.0, jnp.inf, 0.0))
 
 
 def critical_yield_stress(parameters: Parameters) -> Array:

@@ -15,7 +15,7 @@ def notes(
 ) -> list[str]:
     """Returns what moves in a carrier with a yield stress, and how far each threshold is away.
 
-    The list is empty for a carrier without a yield stress.
+    The list is empty for a carrier without a yield stress, and without gravity.
 
     Args:
       parameters: particles and fluid, leaves () or (N,).
@@ -26,6 +26,8 @@ def notes(
     if stress == 0.0 and not parameters.yield_growth:
         return []
     critical = np.ravel(evaluate_with_numpy(yield_stress.critical_yield_stress, parameters))
+    if not critical.max():
+        return []  # nothing pulls the particles
     diameter = tube_diameter or USUAL_TUBE
     plug = float(
         np.max(

@@ -134,8 +134,11 @@ def _of_fall(recipe: Recipe) -> list[Row]:
 
 
 def _of_yield(parameters: Parameters) -> list[Row]:
-    """Yield number and threshold of the particle that moves first; none without a yield stress."""
-    if parameters.yield_stress is None:
+    """Yield number and threshold of the particle that moves first; none without a yield stress.
+
+    Without gravity nothing moves, and there are none, either.
+    """
+    if parameters.yield_stress is None or not float(parameters.gravity):
         return []
     number = np.min(evaluate_with_numpy(yield_stress.yield_number, parameters))
     critical = np.max(evaluate_with_numpy(yield_stress.critical_yield_stress, parameters))

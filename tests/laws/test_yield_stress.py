@@ -148,6 +148,13 @@ def test_each_size_has_its_own_threshold():
     assert rising < 0.0 and velocity(particle_density=500.0, yield_stress=1.0) == 0.0
 
 
+def test_without_gravity_nothing_moves():
+    for stress, number in ((0.0, 0.0), (1e-3, np.inf)):
+        floating = iron(gravity=0.0, yield_stress=stress)
+        assert yield_stress.yield_number(floating) == number
+        assert mrjax.terminal_velocity(floating) == 0.0
+
+
 def test_the_wall_holds_a_suspension():
     found = yield_stress.plug_yield_stress(iron(), 0.337, 0.02)
     assert found == near(6520 * 9.81 * 0.337 * 0.02 / 4, rel=EXACT) and 107 < found < 109

@@ -82,6 +82,12 @@ def test_an_ageing_carrier_stops_all_at_a_time():
     assert said(oil()) == said(oil(yield_stress=0.0)) == []
 
 
+def test_without_gravity_there_is_no_threshold():
+    floating = oil(yield_stress=0.01, yield_growth=1e-6).replace(gravity=0.0)
+    assert said(floating) == []
+    assert "yield_number" not in {row[0] for row in derived._of_fall(floating)}
+
+
 def test_check_has_the_yield_number_and_leaves_out_runs_of_particles():
     thick = oil(yield_stress=0.00305)
     keys = {one.key: one.value for one in derived.derived(thick)}
