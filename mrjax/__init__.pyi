@@ -31,6 +31,7 @@ from .core.state import State as State
 from .core.state import place as place
 from .core.trajectory import Trajectory as Trajectory
 from .core.units import MM_PER_DAY as MM_PER_DAY
+from .dem.contact_history import Remembered as Remembered
 from .dem.contact_list import ContactList as ContactList
 from .dem.contact_list import Touching as Touching
 from .dem.contact_list import contact_forces as contact_forces

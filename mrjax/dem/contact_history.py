@@ -25,7 +25,12 @@ History = dict[str, Array]
 
 
 class Remembered(NamedTuple):
-    """Size and unit of one entry of the contact history."""
+    """Size and unit of one entry of the history of a pair, as `PairForce.memory` names it.
+
+    Example:
+      >>> mrjax.Remembered(1, "s"), mrjax.Remembered(3, "m").size
+      (Remembered(size=1, unit='s'), 3)
+    """
 
     size: int
     """3 for a vector, whose sign is reversed for the partner; 1 for a number, the same for both."""

@@ -11,6 +11,7 @@ from calibrate.experiment.readings.scatter import LEAST
 from calibrate.experiment.repeats import scatter_of_repeats
 from calibrate.experiment.sample import Scatter
 from calibrate.problem.solve import fit_experiment
+from tests.builders.result_keys import undocumented
 from tests.calibrate.test_workflow import with_a_curve
 
 NOISE = 0.3
@@ -63,6 +64,7 @@ def test_it_is_told_in_words_and_in_tables(tmp_path):
     said = done.write(tmp_path / "out")
     table = json.loads((tmp_path / "out" / "fit.json").read_text("utf-8"))["scatter"]["A, curve"]
     assert (table["source"], table["unit"], table["observable"]) == ("fit", "mm", "mudline")
+    assert undocumented(said) == set()
     text = (tmp_path / "out" / "report.md").read_text("utf-8")
     assert "The scatter of the readings of the mudline of sample A, 0." in text
     assert "estimated from their residuals" in text and said["p_value"] is None

@@ -12,6 +12,7 @@ from calibrate.inference.forecast import forecast
 from calibrate.problem.solve import fit_experiment
 from calibrate.report import tables, words
 from calibrate.report.fronts import unresolved_fronts
+from tests.builders.result_keys import undocumented
 
 RECIPE = """
 name = "beads"
@@ -87,6 +88,7 @@ def test_synthetic_profiles_give_their_exponent_and_scatter(tmp_path, model, she
     done.write(out)
     said = json.loads((out / "fit.json").read_text("utf-8"))
     assert said["converged"] and not said["misfit"] and said["errors"] == "estimated"
+    assert undocumented(said) == set()
     for name, found in said["parameters"].items():
         truth = TRUTH[name]
         assert found["determined"]

@@ -16,6 +16,7 @@ import calibrate
 from calibrate import LogNormal, Simulator
 from mrjax import InputError
 from tests.builders import ROOT
+from tests.builders.result_keys import undocumented
 
 TIMES = np.linspace(0.0, 5.0, 12)
 READINGS = 3.0 * np.exp(-0.7 * TIMES) + 0.05 * np.cos(7.0 * np.arange(12))
@@ -125,6 +126,7 @@ def test_the_report_has_nothing_of_suspensions(written):
     assert {"readings.png", "residuals.png", "profiles.png", "loss.png", "report.html"} <= made
     said = json.loads((written / "fit.json").read_text("utf-8"))
     assert said["predictions"][1]["at"] == pytest.approx(TIMES[1])
+    assert undocumented(said) == set()
     assert (said["validity"], said["lab_sheets"]) == ({}, {})
 
 

@@ -13,6 +13,7 @@ from calibrate import Experiment, Problem
 from calibrate.__main__ import cli
 from calibrate.experiment.repeats import BEFORE_THE_FIT, LEAST_SCATTER
 from calibrate.problem.solve import fit_experiment
+from tests.builders.result_keys import undocumented
 
 GLASS_BEADS = """# Glass beads in water: flux of solid (volume per area and time, downwards)
 # Source: https://github.com/CERNN/Batch-Settling (BKSP/Dataset2.csv)
@@ -78,6 +79,7 @@ def test_glass_beads_have_one_exponent_with_the_error_of_their_scatter(tmp_path,
     cli.main([str(path), "--model", "closed-form", "--out", str(out)], standalone_mode=False)
     said = json.loads((out / "fit.json").read_text("utf-8"))
     exponent, speed, scatter, errors = by_hand(GLASS_BEADS)
+    assert undocumented(said) == set()
     found = said["parameters"]["f_w.exponent"]
     assert (round(found["value"], 2), round(found["standard_error"], 2)) == (4.70, 0.04)
     # The logarithm of a velocity and its relative difference part by half the scatter, 1 %.

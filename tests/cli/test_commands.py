@@ -17,6 +17,7 @@ import calibrate.__main__
 import mrjax.__main__
 from mrjax import Recipe, load_run
 from tests.builders.commands import SMALL, start
+from tests.builders.result_keys import documented, undocumented
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 
@@ -36,6 +37,7 @@ def test_simulate_writes_its_files(tmp_path, dtype):
     assert status == 0 and "follow 100 %" in err and "of 100 steps" in err and "1.5e-07 s" in err
     folder = tmp_path / "made" / "here"
     summary = json.loads((folder / "summary.json").read_text())
+    assert set(summary) == documented("summary.json") - documented("Runs to rest")
     if dtype == "float32":
         assert json.loads(out) == summary
     else:
@@ -93,6 +95,7 @@ def at_rest(tmp_path_factory):
 
 def test_a_run_to_rest_is_summarised(at_rest):
     summary = json.loads((at_rest / "summary.json").read_text())
+    assert set(summary) == documented("summary.json") | documented("Runs to rest")
     first, second = summary["final_ratios"]
     assert min(first, second) > 0.4 and max(first, second) < 0.95 and first != second
     assert summary["final_ratio"] == near((first + second) / 2)
@@ -312,6 +315,8 @@ def test_calibrate_predicts_what_was_not_fitted(tmp_path):
     assert re.search(predicted, out)
     fit = json.loads((tmp_path / "fit" / "fit.json").read_text())
     assert [one["sample"] for one in fit["left_out"]] == ["A", "A", "B", "B"]
+    assert undocumented(fit) == set() and documented("fit.json") == set(fit)
+    assert set(fit["posterior"]) == documented("Posterior")
     assert fit["posterior"]["converged"] is True and fit["posterior"]["r_hat"] < 1.01
     f_s = fit["parameters"]["f_s"]  # all that is known of it is its prior
     assert f_s["posterior"]["standard_deviation"] == near(1.1 * 0.05, rel=0.1)

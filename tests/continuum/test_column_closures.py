@@ -106,3 +106,29 @@ def test_the_flux_is_constant_where_a_closure_does_not_hold():
     exact = SPEED * (1 - flux.fraction[first:-1]) ** 3 / 10
     np.testing.assert_allclose(flux.flux[first:-1], exact, rtol=EXACT)
     assert near(0.0) == flux.flux[0]
+
+
+def infinitely_steep(volume_fraction, coefficient):
+    """A closure whose slope is infinite in clear fluid."""
+    return 1.0 + coefficient * jnp.sqrt(volume_fraction)
+
+
+def test_a_closure_that_is_infinitely_steep_in_clear_fluid_has_finite_gradients():
+    """By its coefficient and phi_0 together: clear fluid has no flux, whatever the closure."""
+    case = dict(height=HEIGHT, bed_fraction=0.6, times=TIMES[:3], cells=20, steps=60)
+    along = (1.0, 0.01)
+
+    def mean_mudline(coefficient, initial):
+        law = Partial(infinitely_steep, coefficient=coefficient)
+        settled = column(spheres(), hindrance=law, volume_fraction=initial, **case)
+        return jnp.mean(settled.mudline) / HEIGHT
+
+    @jax.jit
+    def with_slope(distance):
+        at = tuple(start + distance * part for start, part in zip((3.0, 0.2), along, strict=True))
+        return jax.jvp(mean_mudline, at, along)
+
+    slope = float(with_slope(0.0)[1])
+    high, low = (float(with_slope(distance)[0]) for distance in (1e-6, -1e-6))
+    assert slope > 0.01  # a slower fall
+    assert slope == near((high - low) / 2e-6, rel=1e-6)  # rounding: 1e-15 / 1e-6

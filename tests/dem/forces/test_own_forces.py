@@ -12,7 +12,6 @@ import pytest
 import mrjax
 from mrjax.core.quantities import dimension, quantity, reduced
 from mrjax.core.units import Units
-from mrjax.dem.contact_history import Remembered
 from mrjax.dem.forces import active_forces
 from mrjax.kernel import primitive
 from mrjax.kernel.llvm import codegen
@@ -311,7 +310,7 @@ class Bond(mrjax.PairForce):
         return 1e-4
 
     def memory(self):
-        return {"age": Remembered(1, "s"), "way": Remembered(3, "m")}
+        return {"age": mrjax.Remembered(1, "s"), "way": mrjax.Remembered(3, "m")}
 
     def __call__(self, pair, coefficients, memory, time_step):
         held = (pair.gap < 0.0) | (memory["age"] > 0.0)
