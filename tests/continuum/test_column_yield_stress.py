@@ -10,7 +10,7 @@ from mrjax.continuum import characteristics, kynch
 from mrjax.continuum.column import column
 from mrjax.continuum.sizes import masliyah
 from mrjax.laws import yield_stress
-from tests.continuum.test_column import EXACT, HEIGHT, SOFT, SPEED, near, spheres, zaki
+from tests.continuum.test_column import EXACT, HEIGHT, SPEED, near, spheres, zaki
 
 CRITICAL = float(yield_stress.critical_yield_stress(spheres()))
 TIMES = np.array([0.2, 0.6, 1.5]) * HEIGHT / SPEED
@@ -68,8 +68,9 @@ def test_an_ageing_column_stops_as_the_mudline_of_characteristics_does():
 
 def test_a_yielding_bed_does_not_age():
     ageing = spheres(yield_stress=0.0, yield_growth=1e-9)
+    yielding = mrjax.Compression(gel_fraction=0.3, stress=100.0, exponent=4.0)
     with pytest.raises(mrjax.InputError, match=r"leave out yield_growth or compression"):
-        column(ageing, times=TIMES, compression=SOFT, **TUBE)
+        column(ageing, times=TIMES, compression=yielding, **TUBE)
 
 
 def test_a_mudline_has_gradients_by_the_yield_stress():
