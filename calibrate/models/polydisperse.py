@@ -18,7 +18,7 @@ from mrjax.recipe.size_classes import SizeClasses
 
 CLASSES = 10
 """Classes of a continuous distribution."""
-CELLS = 200
+CELLS = 100
 """Cells of the tube."""
 SHARE = 0.1
 """Part of the height that the suspension falls for its initial velocity."""

@@ -311,7 +311,7 @@ def test_gradients_against_central_differences():
     for number in range(5):
         shift = width * jnp.eye(5)[number]
         difference = (run(start + shift) - run(start - shift)) / (2 * width)
-        assert np.abs(forward[:, number] - difference).max() < 0.06
+        assert np.abs(forward[:, number] - difference).max() < 0.1  # of derivatives up to 1
         assert float(forward[2, number]) == pytest.approx(float(difference[2]), abs=1e-3)
 
 

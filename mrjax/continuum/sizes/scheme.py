@@ -15,7 +15,7 @@ smooth profiles. The bed is rigid: the flux of all classes is scaled so that a s
 half of the room of a cell. All volume fractions stay positive and their sum below phi_m.
 
 A step ends when the fastest class crosses `REACH` of a cell. The fastest is that which is still
-there, with more than a thousandth of its initial volume fraction above some cell with room.
+there, with more than a hundredth of its initial volume fraction above some cell with room.
 Slips of the remains of faster classes are cut off at that reach. Steps therefore grow as the coarse
 classes settle, and a column at rest takes one step to each of the times.
 """
@@ -37,7 +37,7 @@ REACH_OF_DENSITIES = 0.28
 WAVE_REACH = 0.6
 """Largest number of cells that particles and waves of hindrance together cross in a step; minmod
 with Euler's steps adds no extremes up to 2/3."""
-PRESENT = 1e-3
+PRESENT = 1e-2
 """Part of its initial volume fraction above which a class counts as present, times that of all
 particles in the densest cell above an open one."""
 ABSENT = 1e-9
