@@ -17,6 +17,9 @@ SHARE = 0.1
 """Step of central differences, in standard deviations along a principal direction of the
 covariance. Along a single value, predictions may change far more than its error allows."""
 
+KINK = 0.2
+"""Sum of the changes to either side, over the larger of them, above which there is a kink."""
+
 
 class PredictedCurve(NamedTuple):
     """The predicted curve of a sample, at T times."""
@@ -56,7 +59,7 @@ def predicted_curves(problem: Problem, fit: Fit) -> tuple[PredictedCurve, ...]:
     deviations = (axes * np.sqrt(np.maximum(variances, 0.0))).T
     with stoppable(), relaxed_promotion():
         predicted = at(best)
-        changes = [_change(at, best, deviation) for deviation in deviations]
+        changes = [_change(at, best, predicted, deviation) for deviation in deviations]
     errors = np.sqrt(np.sum(np.square(changes), axis=0))
     ends = np.cumsum([len(times_of_curve) for times_of_curve in times])[:-1]
     pieces = zip(curves, times, np.split(predicted, ends), np.split(errors, ends), strict=True)
@@ -67,12 +70,29 @@ def predicted_curves(problem: Problem, fit: Fit) -> tuple[PredictedCurve, ...]:
 
 
 def _change(
-    at: Callable[[np.ndarray], np.ndarray], best: np.ndarray, deviation: np.ndarray
+    at: Callable[[np.ndarray], np.ndarray],
+    best: np.ndarray,
+    predicted: np.ndarray,
+    deviation: np.ndarray,
 ) -> np.ndarray:
-    """Change of predictions, (T,), over a deviation, (P,), by differences of fourth order."""
-    step = SHARE * deviation
-    near, far = (at(best + n * step) - at(best - n * step) for n in (1.0, 2.0))
-    return (8.0 * near - far) / (12.0 * SHARE)
+    """Change of predictions, (T,), over a deviation, (P,), by differences of fourth order.
+
+    At a kink, where a mudline meets its bed, such a difference is neither of the two slopes. The
+    change is then the root mean square of those over a whole deviation to either side.
+    """
+
+    def sides(share: float) -> np.ndarray:
+        """Changes over a share of the deviation, and over the same share backwards; (2, T)."""
+        return np.array([at(best + n * share * deviation) - predicted for n in (1.0, -1.0)])
+
+    near, far = sides(SHARE), sides(2.0 * SHARE)
+    smooth = (8.0 * (near[0] - near[1]) - (far[0] - far[1])) / (12.0 * SHARE)
+    with np.errstate(invalid="ignore"):
+        kinked = np.abs(far.sum(axis=0)) > KINK * np.abs(far).max(axis=0)
+    if not kinked.any():
+        return smooth
+    root_mean_square = np.sqrt(np.mean(np.square(sides(1.0)), axis=0))
+    return np.where(kinked & np.isfinite(root_mean_square), root_mean_square, smooth)
 
 
 def _theta(fit: Fit, values: jax.Array) -> dict[str, jax.Array]:

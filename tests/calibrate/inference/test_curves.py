@@ -67,6 +67,27 @@ def test_a_curve_has_the_errors_of_the_fit(falling):
     np.testing.assert_allclose(curve.standard_error, error, rtol=1e-7, atol=1e-9)
 
 
+def test_errors_have_no_spike_where_a_mudline_meets_its_bed(falling):
+    """They fall from those of the line to those of the bed, which are none."""
+
+    def model(sample, *_):
+        def predict(suspension, times=sample.times):
+            speed = 1e-4 / suspension.parameters.f_s
+            line = 0.09 - speed * jnp.asarray(times)
+            mudline = jnp.maximum(line, 0.085)
+            return {"initial_velocity": speed * suspension.parameters.f_v, "mudline": mudline}
+
+        return predict
+
+    problem = Problem.prepare(falling.experiment, model)
+    found = fit(problem.residuals, problem.start, priors=problem.priors, finish_steps=1)
+    (curve,) = predicted_curves(problem, found)
+    errors, kink = curve.standard_error, int(np.argmax(curve.predicted <= 85.0))
+    rate = errors[kink // 2] / curve.times[kink // 2]
+    assert (errors <= rate * curve.times * (1.0 + 1e-6)).all()
+    assert (np.diff(errors[kink:]) <= 1e-9).all() and errors[-1] < 1e-9 < errors[kink - 1]
+
+
 def test_without_a_curve_there_is_none():
     problem = Problem.prepare(Experiment.load("fang2005"), "closed-form")
     found = fit(problem.residuals, problem.start, priors=problem.priors, finish_steps=1)
