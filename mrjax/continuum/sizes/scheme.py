@@ -154,8 +154,8 @@ def _start(tube: Column, times: Array, cells: int) -> Carry:
 def _step(tube: Column, carry: Carry, end: Array) -> Carry:
     """Heun's step, of the length that the speeds allow, or up to the end; none at the end."""
     fraction, time, steps = carry
-    # Derivatives with steps of given lengths: of the length itself nothing depends but the error.
-    speed = lax.stop_gradient(_speed(*lax.stop_gradient((tube, fraction))))
+    # The length of a step changes only the error, so that derivatives leave it out.
+    speed = _speed(*lax.stop_gradient((tube, fraction)))
     left = end - time
     last = speed * left <= 1.0
     length = jnp.where(last, left, 1.0 / jnp.where(last, 1.0, speed))
