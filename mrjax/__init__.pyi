@@ -11,6 +11,7 @@ import mrjax.laws.time_scales as timestep
 from . import figures as figures
 from . import kernel as kernel
 from . import laws as laws
+from .continuum.clock import delayed_times as delayed_times
 from .continuum.column import Column as Column
 from .continuum.column import column as column
 from .continuum.column import column_steps as column_steps

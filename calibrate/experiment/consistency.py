@@ -6,7 +6,7 @@ from pathlib import Path
 from calibrate.experiment import plausibility
 from calibrate.experiment.sample import Sample
 from calibrate.experiment.sheets import ExperimentSheet
-from calibrate.experiment.suspension import BED, CLOSURE, refuse_unknown
+from calibrate.experiment.suspension import BED, CLOSURE, COMPRESSION, refuse_unknown
 from mrjax import InputError
 from mrjax.core.errors import shown
 
@@ -20,6 +20,7 @@ def refuse_parameters(sheet: ExperimentSheet, samples: tuple[Sample, ...], sourc
     recipes = {id(sample.recipe): sample.recipe for sample in samples}
     leaves = {key: recipe.parameters() for key, recipe in recipes.items()}
     for sample in samples:
+        _refuse_tube(sample, names_of[sample.name], source)
         for name in names_of[sample.name]:
             try:
                 refuse_unknown(name, sample.recipe, leaves[id(sample.recipe)])
@@ -27,6 +28,27 @@ def refuse_parameters(sheet: ExperimentSheet, samples: tuple[Sample, ...], sourc
             except InputError as error:
                 at = f"parameter.name = {shown(name)}: sample {shown(sample.name)}"
                 raise InputError(f"{source}: {at}: {error}") from None
+
+
+def _refuse_tube(sample: Sample, names: list[str], source: str) -> None:
+    """Refuses a yielding bed with a coefficient missing, and a delay of a carrier that ages."""
+    given = {*names, *sample.tube}
+    missing = [name for name in COMPRESSION if name not in given]
+    at = f"{source}: sample {shown(sample.name)}"
+    if missing and len(missing) < len(COMPRESSION):
+        raise InputError(
+            f"{at}: {missing[0]} is missing; state it in [sample.compression], or give it a "
+            "[[parameter]]"
+        )
+    if not missing and sample.bed_fraction == "particles":
+        raise InputError(
+            f'{at}: bed_fraction = "particles" is that of a rigid bed; leave it or the compression '
+            "out"
+        )
+    if "delay" in given and sample.recipe.fluid.yield_growth is not None:
+        raise InputError(
+            f"{at}: a delay and a yield stress that grows are not combined; leave one of them out"
+        )
 
 
 def _refuse_twice(name: str, sample: Sample, names: list[str]) -> None:
@@ -38,6 +60,8 @@ def _refuse_twice(name: str, sample: Sample, names: list[str]) -> None:
             "would be the same at all concentrations of its velocities; fit a coefficient of the "
             "closure, such as f_w.exponent, or f_s"
         )
+    if name in sample.tube:
+        raise InputError(f"has {name} = {sample.tube[name]:g} of its own; take one of them away")
     if name == BED and sample.bed_fraction is not None:
         raise InputError(
             f"has bed_fraction = {sample.bed_fraction!r} of its own; take one of them away"

@@ -148,4 +148,4 @@ class Experiment:
             if sample.name in parameter.samples
         }
         bed = None if sample.bed_fraction == "particles" else sample.bed_fraction
-        return suspension(sample.recipe, bed, held | changes)
+        return suspension(sample.recipe, bed, {**sample.tube, **held, **changes})

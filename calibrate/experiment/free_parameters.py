@@ -11,10 +11,12 @@ from jax import Array
 from jax.typing import ArrayLike
 from pydantic import Field, model_validator
 
-from calibrate.experiment.suspension import BED
+from calibrate.experiment.suspension import BED, COMPRESSION
 from calibrate.least_squares.priors import LogNormal
 from mrjax.core.errors import shown
 from mrjax.recipe.sheets import Name, Sheet
+
+GEL = COMPRESSION[0]
 
 
 class PriorSheet(Sheet):
@@ -22,7 +24,7 @@ class PriorSheet(Sheet):
 
     name: Name = Field(
         description="a leaf of mrjax.Parameters such as f_s, a coefficient of the closure such as "
-        "f_w.exponent, or bed_fraction"
+        "f_w.exponent, bed_fraction, compression.stress or another of the tube"
     )
     value: float | None = Field(
         default=None, gt=0, description="the value it is held at, above zero"
@@ -88,7 +90,7 @@ class ParameterSheet(PriorSheet):
     def _a_fraction(self) -> Self:
         stated = (self.value, self.median, self.start, *(self.bounds or ()))
         ends = [value for value in stated if value is not None]
-        if self.name == BED and not all(0 <= value <= 1 for value in ends):
+        if self.name in (BED, GEL) and not all(0 <= value <= 1 for value in ends):
             raise ValueError(
                 f"parameter {shown(self.name)}: {max(ends, key=abs):g} is no volume fraction; give "
                 "values between 0 and 1, such as 0.6"

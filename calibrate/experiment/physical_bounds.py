@@ -45,6 +45,13 @@ OF_SHEET: dict[str, tuple[type[Sheet], str]] = {
 """Table and entry of a lab sheet, by leaf of `mrjax.Parameters`."""
 FACTORS = ("f_w", "f_s", "f_v")
 FLOC_VOLUME = f"{CLOSURE}floc_volume"
+TUBE_BOUNDS = {
+    "compression.gel_fraction": (1e-5, 1.0),
+    "compression.stress": (1e-6, 1e9),
+    "compression.exponent": (0.1, 100.0),
+    "delay": (1e-3, 1e9),
+}
+"""Bounds of the quantities of a tube, in SI."""
 DENSER = 1e-3
 """Least relative excess of the volume fraction of a bed over that of its suspension."""
 NEAREST = 1e-9
@@ -75,6 +82,8 @@ def _value_bounds(experiment: Experiment, parameter: FreeParameter) -> tuple[flo
             if sample.name in parameter.samples
         )
         return (1.0 + DENSER) * float(thickest), 1.0
+    if parameter.name in TUBE_BOUNDS:
+        return TUBE_BOUNDS[parameter.name]
     if parameter.name == FLOC_VOLUME:
         return _floc_volume_bounds(
             [sample for sample in experiment.samples if sample.name in parameter.samples]

@@ -1,6 +1,7 @@
 """A measured suspension: its recipe, and numbers with their uncertainty."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal, NamedTuple
 
 from calibrate.experiment.readings import concentrations
@@ -139,6 +140,8 @@ class Sample:
     """Heights and times at which concentrations were measured, (Q,)."""
     concentrations: tuple[LocalTable, ...] = ()
     """Tables of those concentrations."""
+    tube: Mapping[str, float] = field(default_factory=dict)
+    """Stated values of quantities of its tube, by the names of `suspension.TUBE`."""
     mudline_threshold: float = 0.5
     """Share of the initial volume fraction that the suspension below the mudline exceeds, for
     particles of several sizes."""

@@ -69,6 +69,7 @@ def read_sample(
         curve_scatter,
         tuple(measurement.point for measurement in local if measurement.point is not None),
         tuple(tables),
+        _tube(sheet),
         sheet.mudline_threshold,
     )
 
@@ -100,6 +101,16 @@ def _concentrations(
         return local_table.read_all(sheet.concentration, folder, recipe, sheet.height)
     except InputError as error:
         raise InputError(f"{source}: sample {shown(sheet.name)}: {error}") from None
+
+
+def _tube(sheet: SampleSheet) -> dict[str, float]:
+    """The stated quantities of the tube, by name."""
+    stated = {"delay": sheet.delay}
+    if sheet.compression is not None:
+        stated |= {
+            f"compression.{name}": value for name, value in sheet.compression.model_dump().items()
+        }
+    return {name: value for name, value in stated.items() if value is not None}
 
 
 def _recipe(sheet: SampleSheet, folder: Path, source: str, recipes: dict[Path, Recipe]) -> Recipe:

@@ -50,6 +50,19 @@ class ViscosityRatio(Sheet):
     standard_deviation: float = Field(gt=0, description="its uncertainty, above zero")
 
 
+class CompressionSheet(Sheet):
+    """The effective solid stress of a yielding bed; what is left out is fitted."""
+
+    gel_fraction: float | None = Field(
+        default=None,
+        gt=0,
+        lt=1,
+        description="the volume fraction from which particles form a network, between 0 and 1",
+    )
+    stress: float | None = Field(default=None, gt=0, description="its scale in Pa, above zero")
+    exponent: float | None = Field(default=None, gt=0, description="its exponent, above zero")
+
+
 class SampleSheet(Sheet):
     """One suspension that was measured."""
 
@@ -64,6 +77,12 @@ class SampleSheet(Sheet):
     bed_fraction: float | Literal["particles"] | None = Field(
         default=None,
         description='the volume fraction of coated particles in the bed at rest, or "particles"',
+    )
+    compression: CompressionSheet | None = Field(
+        default=None, description="a table with gel_fraction, stress and exponent of a bed"
+    )
+    delay: float | None = Field(
+        default=None, gt=0, description="the time scale of aggregation at the start in s, above 0"
     )
     mudline_threshold: float = Field(
         default=0.5,

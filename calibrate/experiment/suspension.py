@@ -10,6 +10,7 @@ from jax.tree_util import Partial
 from jax.typing import ArrayLike
 
 from mrjax import InputError, Parameters, Recipe
+from mrjax.continuum.compression import Compression
 from mrjax.laws.closures import table
 from mrjax.laws.hindrance import Hindrance
 from mrjax.recipe.sheets import did_you_mean
@@ -17,6 +18,13 @@ from mrjax.recipe.sheets import did_you_mean
 BED = "bed_fraction"
 CLOSURE = "f_w."
 """Prefix of the name of a coefficient of the closure: `f_w.exponent`."""
+COMPRESSION = ("compression.gel_fraction", "compression.stress", "compression.exponent")
+"""The coefficients of a yielding bed."""
+TUBE = (*COMPRESSION, "delay")
+"""Quantities of a tube beside the volume fraction of its bed."""
+DENSEST = 0.74
+"""Volume fraction that a yielding bed does not exceed, unless stated: the closest packing of equal
+spheres."""
 FACTORS = ("f_w", "f_s", "f_v", "f_r")
 """The leaves that are fitted most often."""
 LEAVES = tuple(leaf.name for leaf in fields(Parameters))
@@ -37,6 +45,10 @@ class Suspension:
     """Function from volume fraction to f_w, for local drag; None without local drag."""
     closure: Hindrance | None = None
     """Function from volume fraction to f_w; None if f_w is a number."""
+    compression: Compression | None = None
+    """Effective solid stress of the bed; None for a rigid bed."""
+    delay: ArrayLike | None = None
+    """Time scale of aggregation at the start, s, (); None without a delay."""
 
     def at(self, volume_fraction: ArrayLike) -> "Suspension":
         """The same particles in another amount of fluid.
@@ -60,7 +72,7 @@ def suspension(
       recipe: the lab sheet.
       bed_fraction: volume fraction of the bed at rest, unless it is changed.
       changes: new values by name: a leaf of `Parameters`, a coefficient of the recipe's closure of
-        f_w (`f_w.exponent`), or `bed_fraction`.
+        f_w (`f_w.exponent`), `bed_fraction`, or a quantity of the tube (`TUBE`).
     """
     leaves = {name: value for name, value in changes.items() if name in LEAVES}
     coefficients = {
@@ -75,13 +87,31 @@ def suspension(
         closure = Partial(closure.func, **{**closure.keywords, **coefficients})
         if "f_w" not in leaves:
             parameters = parameters.replace(f_w=closure(fraction))
+    compression = None
+    if all(name in changes for name in COMPRESSION):
+        compression = Compression(
+            **{name.removeprefix("compression."): changes[name] for name in COMPRESSION}
+        )
+    bed = changes.get(BED, bed_fraction)
+    if bed is None and compression is not None:
+        bed = _densest(closure)
     return Suspension(
         parameters,
         fraction,
-        changes.get(BED, bed_fraction),
+        bed,
         closure if recipe.drag.local else None,
         closure,
+        compression,
+        changes.get("delay"),
     )
+
+
+def _densest(closure: Hindrance | None) -> Array:
+    """The volume fraction that a yielding bed does not exceed; flocs fill it at 1 / C."""
+    flocs = getattr(closure, "keywords", {}).get("floc_volume")
+    if flocs is None:
+        return jnp.asarray(DENSEST, float)
+    return jnp.minimum(DENSEST, 0.999 / jnp.asarray(flocs, float))
 
 
 def refuse_unknown(name: str, recipe: Recipe, parameters: Parameters) -> None:
@@ -94,7 +124,7 @@ def refuse_unknown(name: str, recipe: Recipe, parameters: Parameters) -> None:
     Raises:
       InputError: the name cannot be used; the message has the known names.
     """
-    if name == BED:
+    if name == BED or name in TUBE:
         return
     if name.startswith(CLOSURE):
         known = _coefficients(recipe)
@@ -107,7 +137,7 @@ def refuse_unknown(name: str, recipe: Recipe, parameters: Parameters) -> None:
             raise InputError(f"its closure has no such coefficient; known: {', '.join(known)}")
         return
     if name not in LEAVES:
-        known = [*FACTORS, BED, *_coefficients(recipe)]
+        known = [*FACTORS, BED, *TUBE, *_coefficients(recipe)]
         raise InputError(
             f"no such quantity; {did_you_mean(name, [*known, *LEAVES])}known: {', '.join(known)}, "
             "and the other leaves of mrjax.Parameters"

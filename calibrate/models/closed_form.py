@@ -14,12 +14,13 @@ from calibrate.models.prediction import (
     Layers,
     Prediction,
     aged,
+    effective_times,
     last_time,
     layers,
     prediction,
+    refuse_yielding,
     terminal_velocities,
 )
-from mrjax.laws import yield_stress
 
 
 def closed_form(
@@ -39,11 +40,12 @@ def closed_form(
     Raises:
       InputError: the bed is needed, and its volume fraction is not known.
     """
+    refuse_yielding(sample, near, "closed-form")
     bed = simulated_fraction(sample, near, seed, varied, checkpoint)
     reading_times = jnp.asarray(sample.times, float)
 
     def predict(suspension: Suspension, times: Array = reading_times) -> Prediction:
-        times = yield_stress.effective_times(suspension.parameters, times)
+        times = effective_times(suspension, times)
         velocity = jnp.mean(mrjax.terminal_velocity(suspension.parameters))
         final = final_ratio(suspension, bed)
         if suspension.parameters.yield_growth is not None:

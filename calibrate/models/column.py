@@ -15,13 +15,14 @@ from calibrate.models.prediction import (
     ForwardModel,
     Prediction,
     aged,
+    effective_times,
     last_time,
     layers,
     prediction,
     terminal_velocities,
 )
+from calibrate.models.yielding import yielding
 from mrjax.continuum import characteristics, column_checks, kynch
-from mrjax.laws import yield_stress
 
 
 def column(
@@ -35,7 +36,8 @@ def column(
 
     The mudline is exact, by the characteristics that meet it: `mrjax.column` converges to it with
     more cells. The cost does not grow with the time of a reading. Without local drag in the recipe
-    it is the closed form. Particles of several sizes settle in classes (`polydisperse`).
+    it is the closed form. Particles of several sizes settle in classes (`polydisperse`),
+    and a bed with a compression yields (`yielding`).
 
     Raises:
       InputError: the volume fraction of the bed is not known, or particles do not settle at every
@@ -43,6 +45,8 @@ def column(
     """
     if has_several_sizes(near):
         return polydisperse(sample, near, seed, varied, checkpoint)
+    if near.compression is not None:
+        return yielding(sample, near)
     bed = simulated_fraction(sample, near, seed, varied, checkpoint)
     reading_times, height = jnp.asarray(sample.times, float), jnp.asarray(sample.height, float)
 
@@ -67,7 +71,7 @@ def column(
                 end = characteristics.mudline(flux, height, last_time(suspension)[None])[0]
                 final = possible * end / height
         if sample.times:
-            effective = yield_stress.effective_times(suspension.parameters, times)
+            effective = effective_times(suspension, times)
             ratio = possible * characteristics.mudline(flux, height, effective) / height
         if sample.points:
             coated = characteristics.mean_fraction(flux, height, *aged(layers(sample), suspension))

@@ -10,7 +10,7 @@ from calibrate.experiment.sample import Sample
 from calibrate.experiment.suspension import BED, Suspension
 from calibrate.models.bed import final_ratio, needs_a_bed, refuse_other_paths, to_rest
 from calibrate.models.falling import fall, falls
-from calibrate.models.prediction import ForwardModel, Prediction, prediction
+from calibrate.models.prediction import ForwardModel, Prediction, prediction, refuse_yielding
 from mrjax import InputError
 from mrjax.observables import interface
 
@@ -37,6 +37,12 @@ def particles(
     recipe = sample.recipe
     falling = mrjax.terminal_velocity(near.parameters)
     reading_times = jnp.asarray(sample.times, float)
+    refuse_yielding(sample, near, "particles")
+    if near.delay is not None:
+        raise InputError(
+            f"sample {sample.name!r}: the model particles has no delay; fit with column or "
+            "closed-form"
+        )
     if sample.times and near.bed_fraction is not None:
         raise InputError(
             f"sample {sample.name!r}: particles of a curve pack to a volume fraction of their own; "

@@ -12,7 +12,14 @@ import mrjax
 from calibrate.experiment.sample import Sample
 from calibrate.experiment.suspension import Suspension
 from calibrate.models.bed import final_ratio, fraction_of_bed, simulated_fraction
-from calibrate.models.prediction import ForwardModel, Prediction, layers, prediction
+from calibrate.models.prediction import (
+    ForwardModel,
+    Prediction,
+    layers,
+    prediction,
+    refuse_yielding,
+)
+from mrjax.continuum.clock import delayed_times
 from mrjax.continuum.sizes import interfaces, masliyah
 from mrjax.recipe.size_classes import SizeClasses
 
@@ -45,6 +52,7 @@ def polydisperse(
       InputError: the volume fraction of the bed is not known, or particles do not settle at every
         fraction up to that of the bed.
     """
+    refuse_yielding(sample, near, "column for several sizes")
     bed = simulated_fraction(sample, near, seed, varied, checkpoint)
     classes = sample.recipe.size_classes(CLASSES)
     reading_times = jnp.asarray(sample.times, float)
@@ -59,7 +67,7 @@ def polydisperse(
             height=sample.height,
             volume_fraction=fractions_of(classes, suspension),
             bed_fraction=looser_bed(suspension) if densest is None else densest,
-            times=times,
+            times=times if suspension.delay is None else delayed_times(times, suspension.delay),
             hindrance=suspension.hindrance,
             threshold=sample.mudline_threshold,
             cells=cells,

@@ -11,6 +11,7 @@ from jax import Array
 from calibrate.experiment.sample import Sample
 from calibrate.experiment.suspension import Suspension
 from mrjax import InputError, terminal_velocity
+from mrjax.continuum.clock import delayed_times
 from mrjax.laws import yield_stress
 
 Prediction = dict[str, Array]
@@ -45,9 +46,29 @@ def layers(sample: Sample) -> Layers:
     return Layers(height, time, thickness)
 
 
+def effective_times(suspension: Suspension, times: Array) -> Array:
+    """The times at which the tube has the same state without a delay and without ageing; s."""
+    if suspension.delay is not None:
+        times = delayed_times(times, suspension.delay)
+    return yield_stress.effective_times(suspension.parameters, times)
+
+
 def aged(at: Layers, suspension: Suspension) -> Layers:
-    """The layers at the times at which a carrier that does not age would have the same profiles."""
-    return at._replace(times=yield_stress.effective_times(suspension.parameters, at.times))
+    """The layers at the times at which a tube without delay or ageing has the same profiles."""
+    return at._replace(times=effective_times(suspension, at.times))
+
+
+def refuse_yielding(sample: Sample, near: Suspension, model: str) -> None:
+    """Refuses a yielding bed for a model with a rigid one.
+
+    Raises:
+      InputError: the bed yields.
+    """
+    if near.compression is not None:
+        raise InputError(
+            f"sample {sample.name!r}: its bed yields (compression), and that of the model {model} "
+            "is rigid; fit with column"
+        )
 
 
 def last_time(suspension: Suspension) -> Array:

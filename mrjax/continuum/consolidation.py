@@ -157,6 +157,49 @@ def volume_at(column: Consolidation, times: Array) -> Array:
     return low + share[:, None] * (high - low)
 
 
+def rest_height(case: Case, compression: Compression, *, cells: int) -> Array:
+    """Returns the height of the bed at rest, in which stress carries all weight; m, ()."""
+    bed = _prepare(case, compression, cells)
+    above = jnp.cumsum(bed.cells[::-1])[::-1] - 0.5 * bed.cells
+    return case.height * jnp.sum(bed.cells * _volume(bed, bed.gel - above / bed.stiffness))
+
+
+def mean_fraction(
+    case: Case, cells: Array, volume: Array, levels: Array, thickness: Array
+) -> Array:
+    """Returns the mean volume fraction over layers of the tube; 1, (Q,).
+
+    Args:
+      case: column.
+      cells: share of the particles in every cell, (C,).
+      volume: volume of the cells at the time of each layer, over that at the start; 1, (Q, C).
+      levels: middle of each layer, m above the floor, (Q,).
+      thickness: thickness of each layer, which ends at the floor and at H; m, (Q,).
+    """
+    height = case.height
+    low = jnp.clip(levels - 0.5 * thickness, 0.0, height)
+    high = jnp.clip(levels + 0.5 * thickness, 0.0, height)
+    ends = jnp.stack([low, high], axis=1)
+    layers = height * volume * cells[None]
+    share = jnp.diff(jax.vmap(share_below, (None, 0, 0))(cells, layers, ends), axis=1)[:, 0]
+    return case.volume_fraction * height * share / (high - low)
+
+
+def share_below(cells: Array, layers: Array, levels: Array) -> Array:
+    """Returns the share of the particles below some levels; 1, (L,).
+
+    Args:
+      cells: share of the particles in every cell, (C,).
+      layers: thickness of every cell, m, (C,).
+      levels: heights, m, (L,).
+    """
+    zero = jnp.zeros(1, layers.dtype)
+    faces = jnp.concatenate([zero, jnp.cumsum(layers)])
+    number = jnp.searchsorted(faces[1:-1], lax.stop_gradient(levels), method="compare_all")
+    filled = jnp.clip((levels - faces[number]) / layers[number], 0.0, 1.0)
+    return jnp.concatenate([zero, jnp.cumsum(cells)])[number] + filled * cells[number]
+
+
 def _between(column: Consolidation, times: Array) -> tuple[Array, Array, Array]:
     """Returns the step of each time, the share of it that has passed, and its length."""
     last = column.time.size - 2

@@ -4,12 +4,12 @@ from functools import partial
 
 import jax
 import jax.numpy as jnp
-from jax import Array, lax
+from jax import Array
 
 from mrjax.continuum import column_checks, kynch
 from mrjax.continuum.case import Case
 from mrjax.continuum.compression import Compression
-from mrjax.continuum.consolidation import consolidate, mudline_at, volume_at
+from mrjax.continuum.consolidation import consolidate, mudline_at, share_below, volume_at
 from mrjax.continuum.profile import Column
 from mrjax.laws import yield_stress
 
@@ -33,7 +33,9 @@ def solve(case: Case, compression: Compression, *, cells: int, steps: int) -> Co
     )
     bed_front = jnp.minimum(jnp.sum(layers * jnp.clip(bed, 0.0, 1.0), axis=1), mudline)
     edges = height * jnp.arange(cells + 1, dtype=mudline.dtype) / cells
-    profiles = jax.vmap(partial(_profile, edges, settled.cells))(layers) * initial * cells
+    below = jax.vmap(share_below, (None, 0, None))(settled.cells, layers, edges)
+    # Particles that swelling lifts above the initial height are those of the topmost cell.
+    profiles = jnp.diff(below.at[:, -1].set(1.0), axis=1) * initial * cells
     courant = kynch.fastest_front(flux, initial) * settled.time[1] / height * cells
     # A factor, not a `where`: derivatives of an invalid result are NaN, too.
     possible = column_checks.possible(case, flux) & column_checks.slower_if_denser(flux)
@@ -54,14 +56,3 @@ def solve(case: Case, compression: Compression, *, cells: int, steps: int) -> Co
         courant=courant,
         steps=steps,
     )
-
-
-def _profile(edges: Array, cells: Array, layers: Array) -> Array:
-    """Returns the share of the particles between neighbouring edges, from material cells; (C,)."""
-    zero = jnp.zeros(1, layers.dtype)
-    faces = jnp.concatenate([zero, jnp.cumsum(layers)])
-    number = jnp.searchsorted(faces[1:-1], lax.stop_gradient(edges), method="compare_all")
-    filled = jnp.clip((edges - faces[number]) / layers[number], 0.0, 1.0)
-    below = jnp.concatenate([zero, jnp.cumsum(cells)])[number] + filled * cells[number]
-    # Particles that swelling lifts above the initial height are those of the topmost cell.
-    return jnp.diff(below.at[-1].set(1.0))

@@ -1,0 +1,90 @@
+"""A tube with a yielding bed as a forward model: `mrjax.column` with a compression."""
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+
+import mrjax
+from calibrate.experiment.sample import Sample
+from calibrate.experiment.suspension import Suspension
+from calibrate.models.prediction import (
+    ForwardModel,
+    Layers,
+    Prediction,
+    effective_times,
+    layers,
+    prediction,
+    terminal_velocities,
+)
+from mrjax.continuum import column_checks, consolidation, kynch
+from mrjax.continuum.case import Case
+
+CELLS = 60
+"""Material cells of the tube."""
+STEPS = 120
+"""Steps up to the last reading."""
+
+
+def yielding(sample: Sample, near: Suspension) -> ForwardModel:
+    """The tube of a suspension whose bed yields under its own weight.
+
+    The final ratio is that of the bed at rest, which may be long after the last reading.
+
+    Raises:
+      InputError: particles do not settle at every volume fraction of the bed, or some fall faster
+        in a denser suspension.
+    """
+    reading_times = jnp.asarray(sample.times, float)
+    height = jnp.asarray(sample.height, float)
+
+    def flux_of(suspension: Suspension) -> kynch.Table:
+        return kynch.table(
+            suspension.parameters,
+            suspension.hindrance,
+            suspension.volume_fraction,
+            jnp.asarray(suspension.bed_fraction, float),
+        )
+
+    column_checks.refuse_not_settling(flux_of(near))
+    column_checks.refuse_faster_if_denser(flux_of(near))
+
+    @jax.jit  # one program for calls with plain numbers, too
+    def predict(suspension: Suspension, times: Array = reading_times) -> Prediction:
+        compression = suspension.compression
+        assert compression is not None
+        at = layers(sample) if sample.points else Layers(*jnp.zeros((3, 0)))
+        both = effective_times(suspension, jnp.concatenate([times, at.times]))
+        case = Case(
+            suspension.parameters,
+            height,
+            suspension.volume_fraction,
+            jnp.asarray(suspension.bed_fraction, float),
+            jnp.max(both, initial=0.0)[None],
+            suspension.hindrance,
+            None,
+        ).as_arrays()
+        velocity = mrjax.terminal_velocity(suspension.parameters)
+        rest = consolidation.rest_height(case, compression, cells=CELLS)
+        final = jnp.where(velocity > 0.0, jnp.minimum(rest / height, 1.0), 1.0)
+        flux = flux_of(suspension)
+        # A factor, not a `where`: so derivatives are NaN, too.
+        possible = column_checks.settles(flux) & column_checks.slower_if_denser(flux)
+        possible = possible & (compression.gel_fraction < suspension.bed_fraction)
+        ratio, local = jnp.zeros(0), jnp.zeros(0)
+        if both.size:
+            settled = consolidation.consolidate(case, compression, cells=CELLS, steps=STEPS)
+            possible = possible & settled.solved
+            mudline = consolidation.mudline_at(settled, both[: times.size])
+            ratio = jnp.minimum(mudline / height, 1.0)
+            volume = consolidation.volume_at(settled, both[times.size :])
+            coated = consolidation.mean_fraction(
+                case, settled.cells, volume, at.levels, at.thickness
+            )
+            local = coated / suspension.parameters.f_r**3
+        valid = jnp.where(possible, 1.0, jnp.nan)
+        velocities = terminal_velocities(sample, suspension)
+        return prediction(
+            sample, suspension, velocity, valid * final, valid * ratio, velocities, valid * local
+        )
+
+    return predict
