@@ -36,7 +36,7 @@ def rigid_network(
 
     Example:
       >>> print(f"{mrjax.drag.rigid_network(0.337, floc_volume=1.3, size_ratio=0.8):.1f}")
-      41.9
+      42.1
     """
 
     def law(enclosed: Array) -> Array:
