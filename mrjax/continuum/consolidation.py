@@ -12,11 +12,12 @@ disturbances move upwards through the particles. The velocity at a face then fol
 below, and the mudline falls at exactly v(phi_0) until the first disturbance arrives.
 
 The scheme is of second order: linear profiles with the minmod limiter, and steps by backward
-differences (BDF2), which are implicit and may be as long as the accuracy allows. Where their
-equations are not solved, which a bed of phi_m without stress may cause, Euler's step without slopes
-takes their place; its equations are monotone. At rest the stress
-of every cell carries the weight of the particles above its middle, to rounding. A bed of phi_m is
-incompressible, and carries any stress.
+differences (BDF2), which are implicit and may be as long as the accuracy allows. A bed of phi_m
+without stress may leave the equations of a step without a root. Euler's step without slopes then
+takes its place; its equations are monotone.
+
+At rest the stress of every cell carries the weight of the particles above its middle, to rounding.
+A bed of phi_m is incompressible, and carries any stress.
 
 The unknown of a cell is y = x in a suspension and x_gel - sigma / K in a network, with
 K = -d sigma/dx at the gel point: x(y) is then smooth, and sigma(y) is linear on either side.
@@ -241,7 +242,8 @@ def _prepare(case: Case, compression: Compression, cells: int) -> Bed:
 
 def _kinks(bed: Bed) -> tuple[Array, Array]:
     """Returns y at phi_m and at the gel point; () each."""
-    return _unknown(bed, bed.densest), bed.gel
+    least = -jnp.sqrt(jnp.finfo(bed.gel.dtype).max)  # a large exponent would overflow
+    return jnp.maximum(_unknown(bed, bed.densest), least), bed.gel
 
 
 def _stress(bed: Bed, unknown: Array) -> Array:

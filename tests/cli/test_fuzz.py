@@ -190,7 +190,8 @@ def changed_text(draw, texts: list[str]) -> bytes:
 def finite(recipe: Recipe) -> None:
     """Fails where anything that follows from the recipe is not a finite number."""
     unknown = ("elastic_modulus", "poisson_ratio") if contacts.missing(recipe) else ()
-    for name, leaf in vars(recipe.parameters()).items():
+    stated = {name: leaf for name, leaf in vars(recipe.parameters()).items() if leaf is not None}
+    for name, leaf in stated.items():
         assert np.isfinite(leaf).all() or name.removeprefix("wall_") in unknown, name
     for one in accepted(lambda: derived.derived(recipe)) or []:
         assert math.isfinite(one.value), one
