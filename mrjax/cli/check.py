@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 @click.argument("recipe", shell_complete=sheet_names("mrjax.recipe.bundled"))
 @click.option(
     "--tube-diameter",
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=options.Finite(min=0.0, min_open=True),
     help="Inner diameter of the tube in m, whose wall may hold a suspension with a yield stress.",
 )
 @options.quiet_option
