@@ -31,24 +31,28 @@ def refuse_parameters(sheet: ExperimentSheet, samples: tuple[Sample, ...], sourc
 
 
 def _refuse_tube(sample: Sample, names: list[str], source: str) -> None:
-    """Refuses a yielding bed with a coefficient missing, and a delay of a carrier that ages."""
+    """Refuses a yielding bed that lacks a coefficient, and one or a delay in an ageing carrier."""
     given = {*names, *sample.tube}
     missing = [name for name in COMPRESSION if name not in given]
-    at = f"{source}: sample {shown(sample.name)}"
+    named = f"{source}: sample {shown(sample.name)}"
     if missing and len(missing) < len(COMPRESSION):
         raise InputError(
-            f"{at}: {missing[0]} is missing; state it in [sample.compression], or give it a "
+            f"{named}: {missing[0]} is missing; state it in [sample.compression], or give it a "
             "[[parameter]]"
         )
     if not missing and sample.bed_fraction == "particles":
         raise InputError(
-            f'{at}: bed_fraction = "particles" is that of a rigid bed; leave it or the compression '
-            "out"
+            f'{named}: bed_fraction = "particles" is that of a rigid bed; leave it or the '
+            "compression out"
         )
-    if "delay" in given and sample.recipe.fluid.yield_growth is not None:
-        raise InputError(
-            f"{at}: a delay and a yield stress that grows are not combined; leave one of them out"
-        )
+    if sample.recipe.fluid.yield_growth is None:
+        return
+    for word, present in (("delay", "delay" in given), ("compression", not missing)):
+        if present:
+            raise InputError(
+                f"{named}: a {word} and a yield stress that grows are not combined; leave one of "
+                "them out"
+            )
 
 
 def _refuse_twice(name: str, sample: Sample, names: list[str]) -> None:

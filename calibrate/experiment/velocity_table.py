@@ -44,15 +44,15 @@ def read(sheet: VelocitiesSheet, folder: Path, recipe: Recipe) -> VelocityTable:
     holds = valid_range(recipe.closure)
 
     def fraction(kind: str, value: float) -> float:
-        at = concentrations.volume_fraction(kind, value, recipe)
-        fault = holds and holds.fault(at * recipe.radius_factor**3)
+        solids = concentrations.volume_fraction(kind, value, recipe)
+        fault = holds and holds.fault(solids * recipe.radius_factor**3)
         if fault:
             raise InputError(
-                f"a volume fraction of {at:.4g} is out of the range of the closure of "
+                f"a volume fraction of {solids:.4g} is out of the range of the closure of "
                 f"{recipe.name}, which {fault}; give other coefficients in [drag], another "
                 "closure, or leave the row out"
             )
-        return at
+        return solids
 
     table_read = velocities.read(sheet, folder, fraction)
     fractions = tuple(sorted({reading.volume_fraction for reading in table_read.readings}))

@@ -18,7 +18,7 @@ from tqdm import tqdm
 
 from calibrate.experiment.experiment import Experiment
 from calibrate.experiment.sample import Measurement, Sample
-from calibrate.experiment.suspension import BED, CLOSURE, refuse_unknown
+from calibrate.experiment.suspension import BED, CLOSURE, COMPRESSION, refuse_unknown
 from calibrate.experiment.units import VELOCITY_UNITS
 from calibrate.inference.curvature import RANK_TOLERANCE, covariance, information
 from calibrate.least_squares.fit import Fit
@@ -197,12 +197,12 @@ def sample_like(experiment: Experiment, recipe: Recipe, name: str) -> tuple[Expe
     bed = samples[name].bed_fraction
     nothing = (float("nan"), float("nan"))
     velocity = Measurement("initial_velocity", *nothing, "mm/day", VELOCITY_UNITS["mm/day"])
-    has_bed = bed is not None or any(
-        parameter.name == BED and name in parameter.samples for parameter in experiment.parameters
-    )
+    tube = samples[name].tube
+    fits_bed = BED in experiment.varied(samples[name])
+    has_bed = bed is not None or fits_bed or {*tube, *values}.issuperset(COMPRESSION)
     ratio = Measurement("final_ratio", *nothing, "1", 1.0)
     measurements = (velocity, ratio) if has_bed else (velocity,)
-    sample = Sample(new_name, recipe, recipe.box.height, bed, measurements)
+    sample = Sample(new_name, recipe, recipe.box.height, bed, measurements, tube=tube)
     applies = tuple(
         replace(parameter, samples=(*parameter.samples, sample.name))
         if name in parameter.samples

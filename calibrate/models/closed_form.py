@@ -13,14 +13,14 @@ from calibrate.models.prediction import (
     ForwardModel,
     Layers,
     Prediction,
-    aged,
+    effective_layers,
     effective_times,
     last_time,
-    layers,
     prediction,
     refuse_yielding,
     terminal_velocities,
 )
+from mrjax.continuum.layers import layer_ends
 
 
 def closed_form(
@@ -55,8 +55,8 @@ def closed_form(
         local = jnp.zeros(0)
         if sample.points:
             fractions = suspension.volume_fraction, jnp.asarray(fraction_of_bed(suspension, bed))
-            at = aged(layers(sample), suspension)
-            coated = mean_fraction(*fractions, velocity, sample.height, at)
+            measured = effective_layers(sample, suspension)
+            coated = mean_fraction(*fractions, velocity, sample.height, measured)
             local = coated / suspension.parameters.f_r**3
         return prediction(sample, suspension, velocity, final, ratio, velocities, local)
 
@@ -84,6 +84,5 @@ def mean_fraction(
         falling = jnp.minimum(height, level + velocity * at.times)
         return jnp.minimum(initial * falling, densest * level)
 
-    low = jnp.clip(at.levels - 0.5 * at.thickness, 0.0, height)
-    high = jnp.clip(at.levels + 0.5 * at.thickness, 0.0, height)
+    low, high = layer_ends(at.levels, at.thickness, height)
     return (solids_below(high) - solids_below(low)) / (high - low)

@@ -14,10 +14,9 @@ from calibrate.models.polydisperse import has_several_sizes, polydisperse
 from calibrate.models.prediction import (
     ForwardModel,
     Prediction,
-    aged,
+    effective_layers,
     effective_times,
     last_time,
-    layers,
     prediction,
     terminal_velocities,
 )
@@ -74,7 +73,8 @@ def column(
             effective = effective_times(suspension, times)
             ratio = possible * characteristics.mudline(flux, height, effective) / height
         if sample.points:
-            coated = characteristics.mean_fraction(flux, height, *aged(layers(sample), suspension))
+            measured = effective_layers(sample, suspension)
+            coated = characteristics.mean_fraction(flux, height, *measured)
             local = possible * coated / suspension.parameters.f_r**3
         velocities = terminal_velocities(sample, suspension)
         return prediction(sample, suspension, velocity, final, ratio, velocities, local)

@@ -36,7 +36,7 @@ def cheap_model(make: ForwardModelMaker, several_sizes: bool = False) -> Forward
 
     Args:
       make: the forward model.
-      several_sizes: whether a sample has particles of several sizes, which `column` settles by
+      several_sizes: True if a sample has particles of several sizes, which `column` settles by
         finite volumes.
     """
     if several_sizes and make is column:

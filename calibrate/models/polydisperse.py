@@ -18,8 +18,9 @@ from calibrate.models.prediction import (
     layers,
     prediction,
     refuse_yielding,
+    without_delay,
 )
-from mrjax.continuum.clock import delayed_times
+from mrjax.continuum.layers import layer_ends
 from mrjax.continuum.sizes import interfaces, masliyah
 from mrjax.recipe.size_classes import SizeClasses
 
@@ -67,7 +68,7 @@ def polydisperse(
             height=sample.height,
             volume_fraction=fractions_of(classes, suspension),
             bed_fraction=looser_bed(suspension) if densest is None else densest,
-            times=times if suspension.delay is None else delayed_times(times, suspension.delay),
+            times=times,
             hindrance=suspension.hindrance,
             threshold=sample.mudline_threshold,
             cells=cells,
@@ -88,7 +89,7 @@ def polydisperse(
     def predict(suspension: Suspension, times: Array = reading_times) -> Prediction:
         ratio, local, velocities = jnp.zeros(0), jnp.zeros(0), jnp.zeros(0)
         if sample.times:
-            ratio = tube(suspension, times).sedimentation_ratio
+            ratio = tube(suspension, without_delay(suspension, times)).sedimentation_ratio
         if sample.points:
             coated = _mean_fractions(sample, suspension, tube)
             local = coated / suspension.parameters.f_r**3
@@ -133,10 +134,10 @@ def _mean_fractions(
     """Mean volume fraction of the coated particles over the layers of a sample; 1, (Q,)."""
     layer = layers(sample)
     times, place = np.unique([point.time for point in sample.points], return_inverse=True)
-    profiles = tube(suspension, jnp.asarray(times)).volume_fraction[jnp.asarray(place)]
+    effective = without_delay(suspension, jnp.asarray(times))
+    profiles = tube(suspension, effective).volume_fraction[jnp.asarray(place)]
     cell = sample.height / profiles.shape[1]
-    low = jnp.clip(layer.levels - 0.5 * layer.thickness, 0.0, sample.height)
-    high = jnp.clip(layer.levels + 0.5 * layer.thickness, 0.0, sample.height)
+    low, high = layer_ends(layer.levels, layer.thickness, sample.height)
     below_low, below_high = (
         interfaces.volume_below(profiles[:, None], end / cell)[:, 0] for end in (low, high)
     )

@@ -48,14 +48,18 @@ def layers(sample: Sample) -> Layers:
 
 def effective_times(suspension: Suspension, times: Array) -> Array:
     """The times at which the tube has the same state without a delay and without ageing; s."""
-    if suspension.delay is not None:
-        times = delayed_times(times, suspension.delay)
-    return yield_stress.effective_times(suspension.parameters, times)
+    return yield_stress.effective_times(suspension.parameters, without_delay(suspension, times))
 
 
-def aged(at: Layers, suspension: Suspension) -> Layers:
-    """The layers at the times at which a tube without delay or ageing has the same profiles."""
-    return at._replace(times=effective_times(suspension, at.times))
+def without_delay(suspension: Suspension, times: Array) -> Array:
+    """The times at which the tube has the same state without a delay; s."""
+    return times if suspension.delay is None else delayed_times(times, suspension.delay)
+
+
+def effective_layers(sample: Sample, suspension: Suspension) -> Layers:
+    """The measured layers, at the times at which a tube without delay or ageing is the same."""
+    measured = layers(sample)
+    return measured._replace(times=effective_times(suspension, measured.times))
 
 
 def refuse_yielding(sample: Sample, near: Suspension, model: str) -> None:

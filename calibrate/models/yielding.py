@@ -11,10 +11,10 @@ from calibrate.models.prediction import (
     ForwardModel,
     Layers,
     Prediction,
-    effective_times,
     layers,
     prediction,
     terminal_velocities,
+    without_delay,
 )
 from mrjax.continuum import column_checks, consolidation, kynch
 from mrjax.continuum.case import Case
@@ -45,15 +45,16 @@ def yielding(sample: Sample, near: Suspension) -> ForwardModel:
             jnp.asarray(suspension.bed_fraction, float),
         )
 
-    column_checks.refuse_not_settling(flux_of(near))
-    column_checks.refuse_faster_if_denser(flux_of(near))
+    flux_near = flux_of(near)
+    column_checks.refuse_not_settling(flux_near)
+    column_checks.refuse_faster_if_denser(flux_near)
 
     @jax.jit  # one program for calls with plain numbers, too
     def predict(suspension: Suspension, times: Array = reading_times) -> Prediction:
         compression = suspension.compression
         assert compression is not None
-        at = layers(sample) if sample.points else Layers(*jnp.zeros((3, 0)))
-        both = effective_times(suspension, jnp.concatenate([times, at.times]))
+        measured = layers(sample) if sample.points else Layers(*jnp.zeros((3, 0)))
+        both = without_delay(suspension, jnp.concatenate([times, measured.times]))
         case = Case(
             suspension.parameters,
             height,
@@ -78,7 +79,7 @@ def yielding(sample: Sample, near: Suspension) -> ForwardModel:
             ratio = jnp.minimum(mudline / height, 1.0)
             volume = consolidation.volume_at(settled, both[times.size :])
             coated = consolidation.mean_fraction(
-                case, settled.cells, volume, at.levels, at.thickness
+                case, settled.cells, volume, measured.levels, measured.thickness
             )
             local = coated / suspension.parameters.f_r**3
         valid = jnp.where(possible, 1.0, jnp.nan)

@@ -18,6 +18,7 @@ import jax.numpy as jnp
 from jax import Array, lax
 
 from mrjax.continuum.kynch import INTERVALS, Table
+from mrjax.continuum.layers import layer_ends
 
 
 def mudline(flux_table: Table, height: Array, times: Array) -> Array:
@@ -66,8 +67,7 @@ def mean_fraction(
       times: time at each level, s, (Q,).
       thickness: thickness of the layer, which is cut off at the floor and at H; m, () or (Q,).
     """
-    low = jnp.clip(level - 0.5 * thickness, 0.0, height)
-    high = jnp.clip(level + 0.5 * thickness, 0.0, height)
+    low, high = layer_ends(level, thickness, height)
     low_solids, high_solids = (solids_below(flux_table, height, end, times) for end in (low, high))
     return (high_solids - low_solids) / (high - low)
 

@@ -89,9 +89,11 @@ def column(
         else checks.whole(steps, "steps", MOST_STEPS)
     )
     if fewest is not None and steps < fewest * (1.0 - 1e-6):
+        fault = "a front would cross more than half a cell in a step"
+        if compression is not None:
+            fault = "too few for a yielding bed"
         raise InputError(
-            f"steps = {steps}: a front would cross more than half a cell in a step; give at least "
-            f"{math.ceil(fewest)}, or leave steps out"
+            f"steps = {steps}: {fault}; give at least {math.ceil(fewest)}, or leave steps out"
         )
     case = case.astype(jnp.asarray(parameters.radius).dtype)
     if case.compression is None:

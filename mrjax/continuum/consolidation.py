@@ -36,6 +36,8 @@ from jax import Array, lax
 from mrjax.continuum import kynch, tridiagonal
 from mrjax.continuum.case import Case
 from mrjax.continuum.compression import Compression
+from mrjax.continuum.layers import layer_ends
+from mrjax.continuum.minmod import minmod
 from mrjax.continuum.time_grid import time_grid
 from mrjax.continuum.tridiagonal import Linearised
 from mrjax.laws import particle
@@ -178,8 +180,7 @@ def mean_fraction(
       thickness: thickness of each layer, which ends at the floor and at H; m, (Q,).
     """
     height = case.height
-    low = jnp.clip(levels - 0.5 * thickness, 0.0, height)
-    high = jnp.clip(levels + 0.5 * thickness, 0.0, height)
+    low, high = layer_ends(levels, thickness, height)
     ends = jnp.stack([low, high], axis=1)
     layers = height * volume * cells[None]
     share = jnp.diff(jax.vmap(share_below, (None, 0, 0))(cells, layers, ends), axis=1)[:, 0]
@@ -313,7 +314,6 @@ def _rise(bed: Bed, volume: Array) -> Array:
     would stand for nothing, and `STEEP` is the rise at which it is halved.
     """
     steepness = jnp.diff(volume) / bed.distances[:-1]
-    below, above = jnp.pad(steepness, (1, 0)), jnp.pad(steepness, (0, 1))
-    smaller = jnp.where(jnp.abs(below) < jnp.abs(above), below, above)
-    rise = jnp.where(below * above > 0.0, 0.5 * bed.cells * smaller, 0.0) / volume
+    slope = minmod(jnp.pad(steepness, (1, 0)), jnp.pad(steepness, (0, 1)))
+    rise = 0.5 * bed.cells * slope / volume
     return rise / (1.0 + (rise / STEEP) ** 2)

@@ -14,6 +14,7 @@ from jax import Array, lax
 
 from mrjax.continuum import characteristics, column_checks, interfaces, kynch
 from mrjax.continuum.case import Case
+from mrjax.continuum.minmod import minmod
 from mrjax.continuum.profile import Column
 from mrjax.laws import yield_stress
 
@@ -131,9 +132,7 @@ def _limited_flux(godunov: kynch.Godunov, fraction: Array, densest: Array) -> Ar
     """
     floor = jnp.broadcast_to(densest, (1,))
     rises = jnp.diff(jnp.concatenate([floor, fraction, jnp.zeros_like(floor)]))
-    below, above = rises[:-1], rises[1:]
-    smaller = jnp.where(jnp.abs(below) < jnp.abs(above), below, above)
-    half = jnp.where(below * above > 0.0, 0.5 * smaller, 0.0)
+    half = 0.5 * minmod(rises[:-1], rises[1:])
     return kynch.godunov_flux(godunov, (fraction + half)[:-1], (fraction - half)[1:])
 
 

@@ -11,7 +11,6 @@ from mrjax.continuum.case import Case
 from mrjax.continuum.compression import Compression
 from mrjax.continuum.consolidation import consolidate, mudline_at, share_below, volume_at
 from mrjax.continuum.profile import Column
-from mrjax.laws import yield_stress
 
 
 @partial(jax.jit, static_argnames=("cells", "steps"))
@@ -19,12 +18,11 @@ def solve(case: Case, compression: Compression, *, cells: int, steps: int) -> Co
     """Simulates a column on a yielding bed, whose effective solid stress is `compression`."""
     case, rising = case.sinking()
     flux = kynch.table(case.parameters, case.hindrance, case.volume_fraction, case.bed_fraction)
-    times = yield_stress.effective_times(case.parameters, case.times)
-    settled = consolidate(case._replace(times=times), compression, cells=cells, steps=steps)
+    settled = consolidate(case, compression, cells=cells, steps=steps)
     height, initial = case.height, case.volume_fraction
     # A network that is stiff enough swells in the equations, which know no plastic strain.
-    mudline = jnp.minimum(mudline_at(settled, times), height)
-    volume = volume_at(settled, times)
+    mudline = jnp.minimum(mudline_at(settled, case.times), height)
+    volume = volume_at(settled, case.times)
     layers = height * volume * settled.cells[None]
     full = jnp.minimum(case.bed_fraction, compression.gel_fraction)
     meets = kynch.bed_contact_fraction(flux, full)

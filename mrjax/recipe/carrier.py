@@ -1,4 +1,4 @@
-"""What moves in a carrier with a yield stress, in words: particles, the suspension, or nothing."""
+"""Notes on a carrier with a yield stress: it may hold particles, the suspension, or both."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ USUAL_TUBE = 0.02
 def notes(
     parameters: Parameters, volume_fraction: float, tube_diameter: float | None = None
 ) -> list[str]:
-    """Returns what moves in a carrier with a yield stress, and how far each threshold is away.
+    """Returns notes on the parts that a yield stress holds, and on the distance to each threshold.
 
     The list is empty for a carrier without a yield stress, and without gravity.
 
@@ -43,14 +43,14 @@ def notes(
 
 
 def _of_particles(parameters: Parameters, stress: float, critical: np.ndarray) -> str:
-    """Whether single particles move."""
+    """A note on single particles, which move or stand still."""
     diameter = 2e6 * np.ravel(particle.outer_radius(parameters))
     largest, least = float(critical.max()), float(critical.min())
     if stress >= largest:
-        of = "particles" if diameter.size == 1 else "even the largest particles"
+        subject = "particles" if diameter.size == 1 else "even the largest particles"
         return (
-            f"{of} of {diameter.max():.3g} um stand still: the yield stress, {stress:.3g} Pa, is "
-            f"{stress / largest:.3g} times the {largest:.3g} Pa that hold a single one"
+            f"{subject} of {diameter.max():.3g} um stand still: the yield stress, {stress:.3g} Pa, "
+            f"is {stress / largest:.3g} times the {largest:.3g} Pa that hold a single one"
         )
     factor = np.ravel(evaluate_with_numpy(yield_stress.velocity_factor, parameters)).max()
     if stress >= least:
@@ -69,7 +69,7 @@ def _of_particles(parameters: Parameters, stress: float, critical: np.ndarray) -
 
 
 def _of_the_wall(stress: float, plug: float, tube_diameter: float | None) -> str:
-    """Whether the suspension slides as a plug along the wall."""
+    """A note on the suspension as a plug, which slides along the wall or is held."""
     tube = tube_diameter or USUAL_TUBE
     holds = stress >= plug
     widest = tube * stress / plug if plug else np.inf
@@ -83,7 +83,7 @@ def _of_the_wall(stress: float, plug: float, tube_diameter: float | None) -> str
 
 
 def _of_age(parameters: Parameters, stress: float, largest: float) -> list[str]:
-    """When an ageing carrier stops the last particles."""
+    """A note on the time at which an ageing carrier stops the last particles."""
     growth = 0.0 if parameters.yield_growth is None else float(parameters.yield_growth)
     if growth == 0.0 or stress >= largest:
         return []

@@ -28,6 +28,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
+from mrjax.continuum.minmod import minmod
 from mrjax.continuum.sizes.masliyah import Classes, buoyant_density
 
 REACH = 0.5
@@ -207,9 +208,7 @@ def _states(tube: Column, fraction: Array) -> tuple[Array, Array, Array]:
     floor = jnp.broadcast_to(full, (fraction.shape[0], 2))
     padded = jnp.concatenate([floor, fraction, jnp.zeros_like(floor)], axis=1)
     rises = jnp.diff(padded, axis=1)
-    below, above = rises[:, :-1], rises[:, 1:]
-    smaller = jnp.where(jnp.abs(below) < jnp.abs(above), below, above)
-    half = jnp.where(below * above > 0.0, 0.5 * smaller, 0.0)
+    half = 0.5 * minmod(rises[:, :-1], rises[:, 1:])
     mean = padded[:, 1:-1]
     return (mean + half)[:, :-1], (mean - half)[:, 1:], mean
 

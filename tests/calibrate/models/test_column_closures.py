@@ -54,9 +54,9 @@ def test_a_fit_finds_the_coefficients_of_a_synthetic_mudline(initial, bed, start
 
     known = recipe.closure.keywords
     begin = OrderedDict((f"f_w.{name}", known.get(name, 4.65)) for name in true)
-    found = calibrate.fit(residuals, begin)
-    assert found.converged
-    assert dict(found.theta) == pytest.approx(truth, rel=1e-5)
+    fitted = calibrate.fit(residuals, begin)
+    assert fitted.converged
+    assert dict(fitted.theta) == pytest.approx(truth, rel=1e-5)
 
 
 def test_bounds_keep_flocs_apart_in_all_samples():

@@ -64,13 +64,26 @@ def test_equal_sizes_are_the_column():
     velocity = Measurement("initial_velocity", 1.0, 1.0, "m/s", 1.0)
     options = dict(points=points, fractions=(0.05, 0.1), measurements=(velocity,))
     exact = predicted(EQUAL, **options)
-    found = predicted(powder([4e-6, 4.0001e-6]), **options)
-    assert np.abs(found["mudline"] - exact["mudline"]).max() < HEIGHT / CELLS
-    assert np.abs(found["concentrations"] - exact["concentrations"]).max() < 0.01
-    assert found["initial_velocity"] == near(float(exact["initial_velocity"]), rel=0.02)
+    close = predicted(powder([4e-6, 4.0001e-6]), **options)
+    assert np.abs(close["mudline"] - exact["mudline"]).max() < HEIGHT / CELLS
+    assert np.abs(close["concentrations"] - exact["concentrations"]).max() < 0.01
+    assert close["initial_velocity"] == near(float(exact["initial_velocity"]), rel=0.02)
     velocities = np.asarray(exact["initial_velocities"])
-    assert np.asarray(found["initial_velocities"]) == near(velocities, rel=0.02)
-    assert found["final_ratio"] == near(float(exact["final_ratio"]), rel=1e-12)
+    assert np.asarray(close["initial_velocities"]) == near(velocities, rel=0.02)
+    assert close["final_ratio"] == near(float(exact["final_ratio"]), rel=1e-12)
+
+
+def test_a_delay_holds_the_mudline_and_not_the_initial_velocity():
+    """As for equal sizes, whose initial velocity is that of dispersed particles."""
+    velocity = Measurement("initial_velocity", 1.0, 1.0, "m/s", 1.0)
+    at_once, late = (
+        predicted(
+            powder([4e-6, 5e-6]), {"delay": delay} if delay else None, measurements=(velocity,)
+        )
+        for delay in (None, FALL)
+    )
+    assert late["initial_velocity"] == near(float(at_once["initial_velocity"]), rel=1e-12)
+    assert np.all(late["mudline"][:4] > at_once["mudline"][:4] + HEIGHT / CELLS)
 
 
 def test_the_mudline_is_that_of_the_threshold():
@@ -91,9 +104,9 @@ def test_a_fit_of_several_sizes_finds_the_values_of_a_synthetic_mudline():
         return (predict(suspension(SPREAD, BED, theta))["mudline"] - readings) / (1e-3 * HEIGHT)
 
     start = OrderedDict({"f_w.exponent": 4.65, "viscosity": 1e-3, "bed_fraction": BED})
-    found = calibrate.fit(residuals, start)
-    assert found.converged
-    assert dict(found.theta) == pytest.approx(truth, rel=1e-4)
+    fitted = calibrate.fit(residuals, start)
+    assert fitted.converged
+    assert dict(fitted.theta) == pytest.approx(truth, rel=1e-4)
 
 
 def test_searches_take_the_size_of_the_mean_velocity():

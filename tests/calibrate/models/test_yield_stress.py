@@ -47,10 +47,10 @@ def test_a_fit_finds_the_yield_stress_of_a_synthetic_mudline(make, local):
 
     readings = mudline(truth)
     assert HEIGHT * 0.2 / BED < readings[-1] < 0.8 * HEIGHT
-    found = calibrate.fit(
+    fitted = calibrate.fit(
         lambda theta: (mudline(theta) - readings) / (1e-3 * HEIGHT), OrderedDict(yield_stress=3e-3)
     )
-    assert found.converged and found.theta["yield_stress"] == pytest.approx(9e-3, rel=1e-6)
+    assert fitted.converged and fitted.theta["yield_stress"] == pytest.approx(9e-3, rel=1e-6)
 
 
 @pytest.mark.parametrize("make, local", [(column, True), (closed_form, False)])

@@ -11,6 +11,7 @@ import mrjax
 from calibrate.experiment.experiment import Experiment
 from calibrate.experiment.sample import Sample
 from calibrate.experiment.suspension import COMPRESSION, suspension
+from calibrate.inference.forecast import sample_like
 from calibrate.models.closed_form import closed_form
 from calibrate.models.column import column
 
@@ -99,9 +100,9 @@ def test_a_fit_finds_the_coefficients_of_a_synthetic_mudline(predict):
 
 SHEET = """
 name = "slurry"
-particle = {density = 2700.0, diameter = 3e-6}
-fluid = {density = 998.0, viscosity = 1e-3}
-composition = {volume_fraction = 0.03}
+particle = {{density = 2700.0, diameter = 3e-6}}
+fluid = {{density = 998.0, viscosity = 1e-3{fluid}}}
+composition = {{volume_fraction = 0.03}}
 """
 EXPERIMENT = """
 name = "tube"
@@ -115,12 +116,12 @@ final_ratio = {{value = 0.5, standard_deviation = 0.01}}
 """
 
 
-def experiment(folder, sample, *names):
+def experiment(folder, sample, *names, fluid=""):
     parameters = "".join(
         f'[[parameter]]\nname = "{name}"\nmedian = 0.5\nlog_standard_deviation = 0.3\n'
         for name in names
     )
-    (folder / "recipe.toml").write_text(SHEET, "utf-8")
+    (folder / "recipe.toml").write_text(SHEET.format(fluid=fluid), "utf-8")
     path = folder / "tube.toml"
     path.write_text(EXPERIMENT.format(sample=sample, parameters=parameters), "utf-8")
     return Experiment.load(path)
@@ -153,3 +154,18 @@ def test_refused_in_one_line(tmp_path, sample, names, message):
     with pytest.raises(mrjax.InputError, match=message) as refusal:
         experiment(tmp_path, sample, *names)
     assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.parametrize("sample, names", [("", COMPRESSION), ("delay = 5.0", ("f_s",))])
+def test_an_ageing_carrier_has_neither_delay_nor_yielding_bed(tmp_path, sample, names):
+    with pytest.raises(mrjax.InputError, match="a yield stress that grows are not combined"):
+        experiment(tmp_path, sample, *names, fluid=", yield_growth = 1e-6")
+
+
+def test_a_forecast_has_the_tube_of_its_sample(tmp_path):
+    stated = "compression = {gel_fraction = 0.08, exponent = 2.5}"
+    loaded = experiment(tmp_path, stated, "compression.stress")
+    joined, sample = sample_like(loaded, RECIPE, "A")
+    assert sample.tube == loaded.samples[0].tube
+    assert [one.observable for one in sample.measurements] == ["initial_velocity", "final_ratio"]
+    assert joined.suspension_of(sample, joined.start).compression is not None
