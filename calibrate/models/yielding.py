@@ -16,6 +16,7 @@ from calibrate.models.prediction import (
     terminal_velocities,
     without_delay,
 )
+from mrjax import InputError
 from mrjax.continuum import column_checks, consolidation, kynch
 from mrjax.continuum.case import Case
 
@@ -31,8 +32,8 @@ def yielding(sample: Sample, near: Suspension) -> ForwardModel:
     The final ratio is that of the bed at rest, which may be long after the last reading.
 
     Raises:
-      InputError: particles do not settle at every volume fraction of the bed, or some fall faster
-        in a denser suspension.
+      InputError: the gel point is not below the greatest volume fraction of the bed, particles do
+        not settle at every volume fraction of the bed, or some fall faster in a denser suspension.
     """
     reading_times = jnp.asarray(sample.times, float)
     height = jnp.asarray(sample.height, float)
@@ -45,6 +46,7 @@ def yielding(sample: Sample, near: Suspension) -> ForwardModel:
             jnp.asarray(suspension.bed_fraction, float),
         )
 
+    _refuse_impossible(sample, near)
     flux_near = flux_of(near)
     column_checks.refuse_not_settling(flux_near)
     column_checks.refuse_faster_if_denser(flux_near)
@@ -89,3 +91,19 @@ def yielding(sample: Sample, near: Suspension) -> ForwardModel:
         )
 
     return predict
+
+
+def _refuse_impossible(sample: Sample, near: Suspension) -> None:
+    """Refuses a gel point that is not below the greatest volume fraction of the bed.
+
+    Raises:
+      InputError: there is one.
+    """
+    assert near.compression is not None and near.bed_fraction is not None
+    gel, densest = float(near.compression.gel_fraction), float(near.bed_fraction)
+    if not gel < densest:
+        raise InputError(
+            f"sample {sample.name!r}: compression.gel_fraction = {gel:.4g} must be below "
+            f"{densest:.4g}, the greatest volume fraction of its bed; give a smaller value, or a "
+            "larger bed_fraction"
+        )

@@ -84,6 +84,12 @@ def tube_rigid(**changes):
     return suspension(RECIPE, 0.1, changes)
 
 
+def test_a_gel_point_above_the_densest_bed_is_refused():
+    with pytest.raises(mrjax.InputError, match=r"gel_fraction = 0.9 must be below 0.74") as refusal:
+        column(SAMPLE, tube(**{"compression.gel_fraction": 0.9}))
+    assert "\n" not in str(refusal.value)
+
+
 def test_a_fit_finds_the_coefficients_of_a_synthetic_mudline(predict):
     readings = predict(tube())["mudline"]
 
