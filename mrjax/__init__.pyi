@@ -15,6 +15,7 @@ from .continuum.clock import delayed_times as delayed_times
 from .continuum.column import Column as Column
 from .continuum.column import column as column
 from .continuum.column import column_steps as column_steps
+from .continuum.column_file import save_column as save_column
 from .continuum.compression import Compression as Compression
 from .continuum.sizes.column import PolydisperseColumn as PolydisperseColumn
 from .continuum.sizes.column import polydisperse_column as polydisperse_column

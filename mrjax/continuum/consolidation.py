@@ -81,14 +81,21 @@ class Consolidation(NamedTuple):
     """Times, (J + 1,) in s."""
     mudline: Array
     """Height of the mudline, (J + 1,) in m."""
-    speed: Array
-    """Speed at which the mudline falls, (J + 1,) in m/s."""
+    speeds: Array
+    """Speed at which the upper face of every cell falls, (J + 1, C) in m/s."""
+    stress: Array
+    """Effective solid stress in the middle of every cell, (J + 1, C) in Pa."""
     volume: Array
     """Volume of every cell over its volume at the start, phi_0 / phi; 1, (J + 1, C)."""
     cells: Array
     """Share of the particles in every cell, from the floor; 1, (C,)."""
     solved: Array
     """True if the equations of all steps were solved, ()."""
+
+    @property
+    def speed(self) -> Array:
+        """Speed at which the mudline falls, (J + 1,) in m/s."""
+        return self.speeds[:, -1]
 
 
 @partial(jax.jit, static_argnames=("cells", "steps"))
@@ -126,17 +133,19 @@ def consolidate(case: Case, compression: Compression, *, cells: int, steps: int)
         trial, _ = tridiagonal.root(_equations, jnp.where(found, trial, unknown), now, kinks)
         unknown, error = tridiagonal.with_derivatives(_equations, trial, now)
         after = _volume(bed, unknown)
-        speed = _speeds(now, unknown)[0][-1]
-        return (unknown, after, volume, length), (after, speed, error)
+        speeds, stress = _speeds(now, unknown)[0], _stress(bed, unknown)
+        return (unknown, after, volume, length), (after, speeds, stress, error)
 
     begin = start, jnp.ones_like(start), jnp.ones_like(start), jnp.asarray(jnp.inf, time.dtype)
-    _, (volume, speed, error) = lax.scan(step, begin, jnp.diff(time))
+    _, (volume, speeds, stress, error) = lax.scan(step, begin, jnp.diff(time))
     volume = jnp.concatenate([jnp.ones_like(start)[None], volume])
-    speed = jnp.concatenate([_speeds(bed, start)[0][-1:], speed])
+    speeds = jnp.concatenate([_speeds(bed, start)[0][None], speeds])
+    stress = jnp.concatenate([_stress(bed, start)[None], stress])
     return Consolidation(
         time * scale,
         case.height * (volume @ bed.cells),
-        speed * bed.velocity,
+        speeds * bed.velocity,
+        stress * _weight(case),
         volume,
         bed.cells,
         jnp.max(error) <= SOLVED,
@@ -155,8 +164,13 @@ def mudline_at(column: Consolidation, times: Array) -> Array:
 
 def volume_at(column: Consolidation, times: Array) -> Array:
     """Returns the volume of the cells at any times, over that at the start; 1, (T, C)."""
+    return field_at(column, times, column.volume)
+
+
+def field_at(column: Consolidation, times: Array, field: Array) -> Array:
+    """Returns a field, (J + 1, C), at any times by linear interpolation; (T, C)."""
     number, share, _ = _between(column, times)
-    low, high = column.volume[number], column.volume[number + 1]
+    low, high = field[number], field[number + 1]
     return low + share[:, None] * (high - low)
 
 
@@ -217,8 +231,7 @@ def _prepare(case: Case, compression: Compression, cells: int) -> Bed:
     edges = 1.0 - np.linspace(1.0, 0.0, cells + 1) ** GRADING
     share = jnp.asarray(np.diff(edges), dtype)
     distances = 0.5 * jnp.append(share[1:] + share[:-1], share[-1])
-    initial = case.volume_fraction
-    weight = particle.net_weight_density(case.parameters) * initial * case.height
+    initial, weight = case.volume_fraction, _weight(case)
     stress, gel = compression.stress / weight, initial / compression.gel_fraction
     zero = jnp.zeros((), dtype)
     velocity = kynch.velocity(case.parameters, case.hindrance, initial)
@@ -239,6 +252,11 @@ def _prepare(case: Case, compression: Compression, cells: int) -> Bed:
         length=zero,
         rise=jnp.zeros(cells, dtype),
     )
+
+
+def _weight(case: Case) -> Array:
+    """Returns W, the net weight of all particles over the area of the tube; Pa, ()."""
+    return particle.net_weight_density(case.parameters) * case.volume_fraction * case.height
 
 
 def _kinks(bed: Bed) -> tuple[Array, Array]:

@@ -185,6 +185,11 @@ def godunov_flux(godunov: Godunov, below: Array, above: Array) -> Array:
     return sign * jnp.where((count > 0) & (inner < ends), inner, ends)
 
 
+def flux_at(flux_table: Table, fraction: Array) -> Array:
+    """Returns the flux at volume fractions, in the unit of the table and of their shape."""
+    return _interpolate(flux_table, fraction)[1]
+
+
 def _interpolate(flux_table: Table, fraction: Array) -> tuple[Array, Array, Array]:
     """Returns the node at or below a volume fraction, the flux, and True if the flux rises."""
     dense = fraction >= flux_table.initial

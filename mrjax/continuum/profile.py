@@ -45,6 +45,17 @@ class Column:
     """Height of the mudline over the initial height; 1, (T,)."""
     volume_fraction: Array
     """Mean volume fraction of every cell; 1, (T, C)."""
+    settling_velocity: Array
+    """Velocity of the particles in the middle of every cell, positive downwards; m/s, (T, C).
+
+    It is zero above the mudline and in a rigid bed.
+    """
+    solid_stress: Array
+    """Effective solid stress in the middle of every cell; Pa, (T, C).
+
+    It is the part of the net weight above that touching particles carry; the fluid carries the
+    rest. At rest they carry all of it. A suspension that is no network carries no stress.
+    """
     levels: Array
     """Heights of the middles of the cells, (C,) in m."""
     initial_height: Array

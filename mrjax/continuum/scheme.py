@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
-from mrjax.continuum import characteristics, column_checks, interfaces, kynch
+from mrjax.continuum import characteristics, column_checks, fields, interfaces, kynch
 from mrjax.continuum.case import Case
 from mrjax.continuum.minmod import minmod
 from mrjax.continuum.profile import Column
@@ -43,6 +43,8 @@ def solve(case: Case, *, cells: int, steps: int) -> Column:
     mudline = interfaces.mudline(profiles, initial, densest)
     meets = kynch.bed_contact_fraction(flux, densest)
     bed_front = interfaces.bed_front(profiles, mudline, meets, densest)
+    at_level = fields.rigid_bed(case, si, profiles, cell * mudline, cell * bed_front)
+    velocity, stress = fields.mirrored(rising, *at_level)
     # A factor, not a `where`: derivatives of an invalid result are NaN, too.
     possible = column_checks.possible(case, flux) & (courant <= REACH * (1.0 + 1e-5))
     valid = jnp.where(possible, 1.0, jnp.nan).astype(initial.dtype)
@@ -56,6 +58,8 @@ def solve(case: Case, *, cells: int, steps: int) -> Column:
         bed_front=valid * level(bed_front),
         sedimentation_ratio=valid * cell * mudline / case.height,
         volume_fraction=valid * jnp.where(rising, profiles[:, ::-1], profiles),
+        settling_velocity=valid * velocity,
+        solid_stress=valid * stress,
         levels=valid * cell * (jnp.arange(cells, dtype=initial.dtype) + 0.5),
         initial_height=valid * case.height,
         courant=courant,

@@ -1,6 +1,7 @@
 """Figures of a run for papers: legible in greyscale, one or two columns wide, with units."""
 
 from mrjax.figures.animation import refuse_without_writer, save_animation
+from mrjax.figures.column_fields import column_field
 from mrjax.figures.contacts import force_chains, force_distribution
 from mrjax.figures.curves import sedimentation, settling
 from mrjax.figures.heat_map import concentration
@@ -12,6 +13,7 @@ __all__ = [
     "COLUMN",
     "PAGE",
     "STYLE",
+    "column_field",
     "concentration",
     "force_chains",
     "force_distribution",

@@ -121,6 +121,48 @@ def test_a_heat_map_holds_all_the_solid(run):
     assert axes.get_yticklabels()[-1].get_text() == "20 µm"
 
 
+def test_a_field_of_a_column_is_drawn_with_its_isolines_and_readings():
+    """Days as the unit of a long run; a line on the scale for each volume fraction."""
+    times, levels = np.array([0.0, 1.0, 2.0, 4.0]) * 86400.0, np.arange(8) * 0.01 + 0.005
+    fraction = np.tile(np.linspace(0.5, 0.1, 8), (4, 1))
+    tube = mrjax.Column(
+        times=times,
+        mudline=np.full(4, 0.08),
+        bed_front=np.zeros(4),
+        sedimentation_ratio=np.ones(4),
+        volume_fraction=fraction,
+        settling_velocity=-1e-6 * fraction,
+        solid_stress=100.0 * fraction,
+        levels=levels,
+        initial_height=np.asarray(0.08),
+        courant=np.asarray(0.1),
+        steps=3,
+    )
+    readings = ([86400.0, 172800.0], [0.05, 0.04])
+    figure = drawn(figures.column_field(tube, readings=readings, isolines=[0.3, 0.45, 0.9]))
+    axes, bar = figure.axes
+    mesh, lines = axes.collections
+    np.testing.assert_allclose(mesh.get_array(), fraction.T)
+    np.testing.assert_allclose(mesh.get_coordinates()[0, :, 0], [0.0, 0.5, 1.5, 3.0, 4.0])
+    assert list(lines.levels) == [0.3, 0.45]
+    assert len(bar.collections[-1].get_segments()) == 2
+    mudline, measured = axes.lines
+    np.testing.assert_allclose(measured.get_data(), ([1.0, 2.0], readings[1]))
+    np.testing.assert_allclose(mudline.get_ydata(), 0.08)
+    assert (axes.get_xlabel(), bar.get_ylabel()) == ("time, days", "volume fraction")
+    # Particles that rise: their velocities are negative, and zero is white.
+    axes, bar = drawn(figures.column_field(tube, "settling_velocity")).axes
+    (mesh,) = axes.collections
+    np.testing.assert_allclose(mesh.get_array(), -fraction.T)
+    assert mesh.norm.vmax == 0.0 and mesh.to_rgba(0.0)[0] == 1.0
+    assert bar.get_ylabel() == "settling velocity, µm/s"
+    for wrong in ({"field": "shear"}, {"class_number": 1}, {"field": "class_fractions"}):
+        with pytest.raises(InputError, match=r"must be one of volume|that of all classes"):
+            figures.column_field(tube, **wrong)
+    with pytest.raises(InputError, match="solid_stress of the column is not finite"):
+        figures.column_field(replace(tube, solid_stress=fraction * np.nan), "solid_stress")
+
+
 def test_the_curve_of_a_settling_run_is_beside_its_formula():
     """Dots of the run, the line of Eq. 27, and how far the mudline has come."""
     parameters = unit_spheres(gravity=1.0, viscosity=0.05)

@@ -105,12 +105,10 @@ def _solve(case: Case, threshold: Array, *, cells: int, steps: int | None) -> Po
     initial, densest = jnp.asarray(case.volume_fraction), jnp.asarray(case.bed_fraction)
     height, times = jnp.asarray(case.height), jnp.asarray(case.times)
     law = masliyah.classes(case.parameters, case.hindrance)
+    law = law._replace(mobility=jnp.broadcast_to(law.mobility, initial.shape))
     possible = class_checks.possible(case, threshold, law, scheme.nodes(densest))
-    tube = scheme.column(
-        law._replace(mobility=jnp.broadcast_to(law.mobility * (cells / height), initial.shape)),
-        initial,
-        densest,
-    )
+    in_cells = law._replace(mobility=law.mobility * (cells / height))
+    tube = scheme.column(in_cells, initial, densest)
     if steps is None:
         # Impossible arguments take no steps.
         until = jnp.where(possible, times, 0.0)
@@ -120,7 +118,7 @@ def _solve(case: Case, threshold: Array, *, cells: int, steps: int | None) -> Po
         possible = possible & enough
     # A factor, not a `where`: derivatives of an invalid result are NaN, too.
     valid = jnp.where(possible, 1.0, jnp.nan).astype(initial.dtype)
-    fields = profile.polydisperse_column(profiles, initial, densest, threshold, height, rising)
+    fields = profile.polydisperse_column(profiles, law, case, threshold, rising)
     return PolydisperseColumn(
         times=times,
         **{name: valid * value for name, value in fields.items()},

@@ -65,3 +65,21 @@ def volume_below(fraction: Array, heights: Array) -> Array:
     bottoms = jnp.arange(fraction.shape[-1], dtype=fraction.dtype)
     filled = jnp.clip(heights[:, None] - bottoms[None], 0.0, 1.0)
     return jnp.sum(fraction * filled[:, None], axis=-1)
+
+
+def carried(weight: Array, bed: Array) -> Array:
+    """Returns the weight of the bed above the middle of every cell, in cells times density; (T, C).
+
+    A cell that is partly bed has the density of the one below it in that part.
+
+    Args:
+      weight: density of the particles in every cell, (T, C).
+      bed: height of the top of the bed, in cells, (T,).
+    """
+    bottoms = jnp.arange(weight.shape[1], dtype=weight.dtype)
+    filled = jnp.clip(bed[:, None] - bottoms[None], 0.0, 1.0)
+    below = jnp.concatenate([weight[:, :1], weight[:, :-1]], axis=1)
+    density = jnp.where(filled < 1.0, below, weight)
+    layers = density * filled
+    above = jnp.cumsum(layers[:, ::-1], axis=1)[:, ::-1] - layers
+    return above + density * jnp.maximum(filled - 0.5, 0.0)

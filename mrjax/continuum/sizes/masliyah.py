@@ -92,6 +92,17 @@ def buoyant_density(law: Classes, fraction: Array, total: Array) -> Array:
     return law.excess[:, None] - suspension[None]
 
 
+def excess_density(law: Classes, fraction: Array) -> Array:
+    """r.Phi, density of a suspension less that of the fluid; kg/m^3, (..., C).
+
+    Args:
+      law: the classes.
+      fraction: phi_i, (..., K, C).
+    """
+    excess = jnp.broadcast_to(law.excess, law.mobility.shape)
+    return jnp.einsum("k,...kc->...c", excess, fraction)
+
+
 def velocities(law: Classes, fraction: Array, densest: Array) -> Array:
     """v_i, velocity of each class, positive downwards; m/s, (K, C).
 

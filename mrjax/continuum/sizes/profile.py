@@ -7,7 +7,10 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
-from mrjax.continuum.sizes import interfaces
+from mrjax.continuum import fields
+from mrjax.continuum.case import Case
+from mrjax.continuum.sizes import interfaces, masliyah
+from mrjax.continuum.sizes.masliyah import Classes
 
 PACKED = 0.95
 """Part of phi_m above which a layer counts as bed."""
@@ -42,6 +45,20 @@ class PolydisperseColumn:
     """Mean total volume fraction of every cell; 1, (T, C)."""
     class_fractions: Array
     """Mean volume fraction of each class in every cell; 1, (T, K, C)."""
+    class_velocities: Array
+    """Velocity of a particle of each class in the middle of every cell, positive downwards; m/s,
+    (T, K, C), zero in the bed.
+
+    Above the mudline it is that of a particle of the class that would be there.
+    """
+    settling_velocity: Array
+    """Mean velocity of the particles in every cell by volume, positive downwards; m/s, (T, C), zero
+    in the bed and without particles."""
+    solid_stress: Array
+    """Effective solid stress in the middle of every cell; Pa, (T, C).
+
+    It is the net weight of the bed above, which touching particles carry.
+    """
     bed_composition: Array
     """Volume of each class over that of all particles in the bed; 1, (T, K), zero without a bed."""
     supernatant_fractions: Array
@@ -75,19 +92,23 @@ class PolydisperseColumn:
 
 
 def polydisperse_column(
-    profiles: Array, initial: Array, densest: Array, threshold: Array, height: Array, rising: Array
+    profiles: Array,
+    law: Classes,
+    case: Case,
+    threshold: Array,
+    rising: Array,
 ) -> dict[str, Array]:
     """Returns the fields that follow from profiles of particles that sink.
 
     Args:
       profiles: volume fractions, (T, K, C).
-      initial: initial volume fractions, (K,).
-      densest: phi_m, ().
+      law: the classes, with mobilities in SI.
+      case: the arguments.
       threshold: share of the initial total, ().
-      height: initial height, m, ().
       rising: True if the column is a mirror image, ().
     """
-    cells = profiles.shape[-1]
+    initial, densest = jnp.asarray(case.volume_fraction), jnp.asarray(case.bed_fraction)
+    cells, height = profiles.shape[-1], jnp.asarray(case.height)
     total = jnp.sum(profiles, axis=1)
     mudline = interfaces.crossings(total, threshold * jnp.sum(initial), densest)
     bed = interfaces.crossings(total, PACKED * densest, densest)
@@ -95,6 +116,13 @@ def polydisperse_column(
     above = jnp.sum(profiles, axis=-1) - interfaces.volume_below(profiles, mudline)
     clear = jnp.maximum(cells - mudline, 0.0)[:, None]
     cell = height / cells
+    in_suspension = jnp.arange(cells, dtype=initial.dtype)[None] + 0.5 > bed[:, None]
+    velocities = jax.vmap(masliyah.velocities, (None, 0, None))(law, profiles, densest)
+    velocities = jnp.where(in_suspension[:, None], velocities, 0.0)
+    mean_velocity = _quotient(jnp.sum(profiles * velocities, axis=1), total)
+    weight = jnp.abs(jnp.asarray(case.parameters.gravity)) * masliyah.excess_density(law, profiles)
+    stress = cell * interfaces.carried(weight, bed)
+    velocity, stress = fields.mirrored(rising, mean_velocity, stress)
 
     def level(count: Array) -> Array:
         return jnp.where(rising, height - cell * count, cell * count)
@@ -105,6 +133,9 @@ def polydisperse_column(
         "sedimentation_ratio": mudline / cells,
         "volume_fraction": jnp.where(rising, total[:, ::-1], total),
         "class_fractions": jnp.where(rising, profiles[..., ::-1], profiles),
+        "class_velocities": jnp.where(rising, -velocities[..., ::-1], velocities),
+        "settling_velocity": velocity,
+        "solid_stress": stress,
         "bed_composition": _quotient(in_bed, jnp.sum(in_bed, axis=1, keepdims=True)),
         "supernatant_fractions": _quotient(above, clear),
         "levels": cell * (jnp.arange(cells, dtype=initial.dtype) + 0.5),
