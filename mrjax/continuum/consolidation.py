@@ -127,10 +127,8 @@ def consolidate(case: Case, compression: Compression, *, cells: int, steps: int)
             rise=_rise(bed, ahead),
         )
         first_order = bed._replace(known=volume, length=length)
-        trial, found = tridiagonal.root(_equations, unknown, second_order, kinks)
-        now = jax.tree.map(partial(jnp.where, found), second_order, first_order)
-        # From a root of these equations this takes one iteration.
-        trial, _ = tridiagonal.root(_equations, jnp.where(found, trial, unknown), now, kinks)
+        trial, fell_back = tridiagonal.root(_equations, unknown, second_order, first_order, kinks)
+        now = tridiagonal.select(fell_back, first_order, second_order)
         unknown, error = tridiagonal.with_derivatives(_equations, trial, now)
         after = _volume(bed, unknown)
         speeds, stress = _speeds(now, unknown)[0], _stress(bed, unknown)

@@ -11,6 +11,7 @@ may go to and fro between two branches.
 from collections.abc import Callable
 from typing import NamedTuple, TypeVar
 
+import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
@@ -36,7 +37,11 @@ class Linearised(NamedTuple):
 
 
 def root(
-    equations: Callable[[Array, P], Linearised], start: Array, given: P, kinks: tuple[Array, Array]
+    equations: Callable[[Array, P], Linearised],
+    start: Array,
+    given: P,
+    fallback: P,
+    kinks: tuple[Array, Array],
 ) -> tuple[Array, Array]:
     """Returns the root y of F(y, p) = 0 by Newton's method, without derivatives.
 
@@ -44,36 +49,47 @@ def root(
       equations: function from y and p to F and its Jacobian. It takes all traced values through p.
       start: first iterate, (cells,).
       given: p, a pytree.
+      fallback: the p that takes its place if the iterations do not come to an end.
       kinks: values of an unknown at which F has a kink, the lower first, () each.
 
     Returns:
-      The root, (cells,), and True if the iterations came to an end, ().
+      The root, (cells,), and True if it is that of the fallback, ().
     """
-    given, start, (low, high) = lax.stop_gradient((given, start, kinks))
+    given, fallback, start, (low, high) = lax.stop_gradient((given, fallback, start, kinks))
     (below_low, above_low), (below_high, above_high) = _beside(low), _beside(high)
     tolerance = ROUNDINGS * jnp.finfo(start.dtype).eps
 
-    def moves(root: Array, change: Array) -> Array:
-        # `not <=`, so that iterations that have become NaN have not come to an end.
-        return ~(jnp.max(jnp.abs(change)) <= tolerance * jnp.max(jnp.abs(root)))
-
     def unfinished(carry: tuple[Array, Array, Array]) -> Array:
         root, change, iterations = carry
-        return moves(root, change) & (iterations < MOST_ITERATIONS)
+        # `not <=`, so that iterations that have become NaN have not come to an end.
+        moves = ~(jnp.max(jnp.abs(change)) <= tolerance * jnp.max(jnp.abs(root)))
+        return moves & (iterations < 2 * MOST_ITERATIONS)
 
     def iterate(carry: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
         root, _, iterations = carry
+        root = jnp.where(iterations == MOST_ITERATIONS, start, root)
         least = jnp.where(root > high, below_high, jnp.where(root > low, below_low, -jnp.inf))
         most = jnp.where(root <= low, above_low, jnp.where(root <= high, above_high, jnp.inf))
         # A cycle between the two sides of kinks ends in its middle.
-        share = jnp.where((iterations > FULL_STEPS) & (iterations % 3 == 0), 0.5, 1.0)
-        change = share.astype(root.dtype) * newton_step(equations(root, given))
+        number = iterations % MOST_ITERATIONS
+        share = jnp.where((number > FULL_STEPS) & (number % 3 == 0), 0.5, 1.0)
+        now = select(iterations >= MOST_ITERATIONS, fallback, given)
+        change = share.astype(root.dtype) * newton_step(equations(root, now))
         moved = jnp.clip(root - change, least, most)
         return moved, root - moved, iterations + 1
 
     begin = start, jnp.full_like(start, jnp.inf), jnp.zeros((), jnp.int32)
-    root, change, _ = lax.while_loop(unfinished, iterate, begin)
-    return root, ~moves(root, change)
+    root, _, iterations = lax.while_loop(unfinished, iterate, begin)
+    return root, iterations > MOST_ITERATIONS
+
+
+def select(condition: Array, chosen: P, otherwise: P) -> P:
+    """Returns one of two pytrees, by a condition; leaves that are the same stay as they are."""
+    return jax.tree.map(
+        lambda one, other: one if one is other else jnp.where(condition, one, other),
+        chosen,
+        otherwise,
+    )
 
 
 def with_derivatives(
