@@ -9,14 +9,14 @@ valley that bends, or for a bed that the mudline has not reached.
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import null_space
+from scipy.optimize import brentq
 
 from calibrate.inference.curvature import RANK_TOLERANCE, UNKNOWN
 from calibrate.least_squares.bounds import Bounds
 from calibrate.least_squares.evaluator import half_square
 from calibrate.least_squares.fit import Fit
 from calibrate.least_squares.interruptible import stoppable
-from calibrate.least_squares.levenberg import Point, minimise
+from calibrate.least_squares.levenberg import LONGEST, SHORT, Point, minimise
 from mrjax.core.promotion import relaxed_promotion
 
 NEAR = 0.03
@@ -25,6 +25,11 @@ MOST_POINTS = 40
 """Most points of the profile on each side."""
 MOST_STEPS = 30
 """Most steps of all other values at each point; too few would make the rise too large."""
+MOST_STEPS_TO_BEST = 100
+"""Most steps to the optimum of the data."""
+DONE = 0.01
+"""Expected decrease of chi-squared, over the level of the ends, at which the steps at each point
+end; a tenth of it at the optimum."""
 FOLLOWS_FAR = 10.0
 """A value at its bound that moved this many times farther than the product hardly influences it."""
 AT_BOUND = 1e-9
@@ -61,8 +66,13 @@ def data_errors(fit: Fit, directions: np.ndarray, level: float) -> np.ndarray:
     if not np.isfinite(fit.jacobian).all() or not np.isfinite(fit.residuals).all():
         return np.full(len(directions), np.inf)
     with stoppable(), relaxed_promotion():
-        best = _minimise_data(fit, np.log(fit.values), np.eye(fit.values.size), fit.box)
+        best = _best(fit, level)
         return np.array([_error(fit, best, direction, level) for direction in directions])
+
+
+def _best(fit: Fit, level: float) -> Valley:
+    """The optimum of the data alone, from the fit."""
+    return _minimise_data(fit, np.log(fit.values), None, 0.1 * DONE * level, MOST_STEPS_TO_BEST)
 
 
 def _error(fit: Fit, best: Valley, direction: np.ndarray, level: float) -> float:
@@ -100,26 +110,26 @@ def _end_of_interval(
       sign: -1 or 1, the side of the optimum.
       level: rise of chi-squared.
     """
-    free, box = _free_directions(fit, direction)
-    farthest = min(UNKNOWN, _distance_to_bound(fit, best.logs, sign * direction))
+    farthest = min(UNKNOWN, _distance_to_bounds(fit, best.logs, sign * direction))
     inner, last = (0.0, 0.0), best.logs  # distance, root of the rise there; valley
     tangent, first = _straight_valley(fit, last, direction)
     unseen_changes = _unseen_changes(fit, best.logs, direction)
     step = first * level**0.5
+
+    def valley_near(logs: np.ndarray, distance: float) -> Valley:
+        product = float(direction @ best.logs) + sign * distance
+        start = _onto(fit.box, logs, direction, product)
+        longest = max(float(np.linalg.norm(start - last)), SHORT)
+        return _minimise_data(fit, start, direction, DONE * level, MOST_STEPS, longest)
+
     for _ in range(MOST_POINTS):
         distance = min(inner[0] + step, farthest)
         step = distance - inner[0]
-        trial = fit.box.clip(last + sign * step * tangent)
-        if box is not None:  # a single value is held exactly
-            place = int(np.argmax(np.abs(direction)))
-            trial[place] = best.logs[place] + sign * distance * direction[place]
-        valley = _minimise_data(fit, trial, free, box)
+        trial = last + sign * step * tangent
+        valley = valley_near(trial, distance)
         root = _root_of_rise(valley, best, level)
         if root > 1.0 - NEAR:  # an end, unless unseen values can compensate
-            alternatives = (
-                _minimise_data(fit, fit.box.clip(trial + change), free, box)
-                for change in unseen_changes
-            )
+            alternatives = (valley_near(trial + change, distance) for change in unseen_changes)
             valley = min([valley, *alternatives], key=lambda other: other.loss)
             root = _root_of_rise(valley, best, level)
         if abs(root - 1.0) < NEAR:
@@ -182,54 +192,85 @@ def _caused_by_data(fit: Fit, best: np.ndarray, logs: np.ndarray, direction: np.
     return bool((np.abs(logs - best)[stopped] >= far).all())
 
 
-def _free_directions(fit: Fit, direction: np.ndarray) -> tuple[np.ndarray, Bounds | None]:
-    """Free directions beside a held one, (P, P - 1), and their bounds if they are single values."""
-    alone = np.abs(direction) > 1.0 - RANK_TOLERANCE
-    if not alone.any():
-        return null_space(direction[None]), None
-    keep = np.flatnonzero(~alone)
-    lower, upper = (np.broadcast_to(end, direction.shape) for end in fit.box)
-    return np.eye(direction.size)[:, keep], Bounds(lower[keep], upper[keep])
+def _distance_to_bounds(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> float:
+    """Greatest change of a product, c . ln theta, that the bounds of its values leave."""
+    lower, upper = (np.broadcast_to(end, logs.shape) for end in fit.box)
+    ends = np.where(direction > 0.0, upper, lower)
+    exponents = np.flatnonzero(direction)
+    return float(direction[exponents] @ (ends - logs)[exponents])
 
 
-def _distance_to_bound(fit: Fit, logs: np.ndarray, direction: np.ndarray) -> float:
-    """Distance to the bound of a single held value; infinite for a product of several."""
-    place = int(np.argmax(np.abs(direction)))
-    if abs(direction[place]) < 1.0 - RANK_TOLERANCE:
-        return np.inf
-    lower, upper = (np.broadcast_to(end, logs.shape)[place] for end in fit.box)
-    end = upper if direction[place] > 0.0 else lower
-    return float(abs(end - logs[place]))
+def _onto(box: Bounds, logs: np.ndarray, direction: np.ndarray, product: float) -> np.ndarray:
+    """The logarithms within the bounds, (P,), nearest to others, at which a product is held.
+
+    Args:
+      box: bounds of the logarithms.
+      logs: logarithms, (P,).
+      direction: exponents of the product, (P,).
+      product: c . ln theta, which is possible within the bounds.
+    """
+
+    def excess(move: float) -> float:
+        return float(direction @ box.clip(logs + move * direction)) - product
+
+    near = product - float(direction @ logs)
+    reach = 1.0
+    while excess(near - reach) * excess(near + reach) > 0.0 and reach < 1e3 * UNKNOWN:
+        reach *= 10.0
+    if excess(near) and excess(near - reach) * excess(near + reach) <= 0.0:
+        near = brentq(excess, near - reach, near + reach)
+    return box.clip(logs + near * direction)
 
 
-def _minimise_data(fit: Fit, logs: np.ndarray, free: np.ndarray, box: Bounds | None) -> Valley:
-    """The least sum of squares of the measurements along the free directions.
+def _minimise_data(
+    fit: Fit,
+    logs: np.ndarray,
+    direction: np.ndarray | None,
+    done: float,
+    most_steps: int,
+    longest: float = LONGEST,
+) -> Valley:
+    """The least sum of squares of the measurements, with one product of powers held.
+
+    The value with the largest exponent follows from the others. Points at which it is beyond its
+    bounds are refused.
 
     Args:
       fit: the fit, with its residuals.
       logs: logarithms at the start, (P,).
-      free: free directions, (P, F).
-      box: bounds along these; None if they are no single values: points beyond the bounds of the
-        fit are then refused.
+      direction: exponents of the held product, (P,); None to hold none.
+      done: expected decrease of chi-squared at which the steps end.
+      most_steps: most steps.
+      longest: largest first step, in logarithms.
     """
     count = fit.residuals.size
+    free = np.eye(logs.size)
+    others = np.arange(logs.size)
+    if direction is not None:
+        pivot = int(np.argmax(np.abs(direction)))
+        free[pivot] = -direction / direction[pivot]
+        others = np.delete(others, pivot)
+        free = free[:, others]
+    lower, upper = (np.broadcast_to(end, logs.shape)[others] for end in fit.box)
 
     def at(places: list[np.ndarray]) -> list[Point]:
         return [point(place) for place in places]
 
     def point(place: np.ndarray) -> Point:
         position = logs + free @ (place - begin)
-        if (fit.box.clip(position) != position).any() and box is None:
+        position[others] = place
+        if (fit.box.clip(position) != position).any():
             nothing = np.full(count, np.nan)
             return Point(np.inf, place, np.full((count, place.size), np.nan), nothing)
         _, _, jacobian, value = fit.at(position)
         of_data = value[:count]
         return Point(half_square(of_data), place, jacobian[:count] @ free, of_data)
 
-    begin = free.T @ logs
-    bounds = box or Bounds(np.array(-np.inf), np.array(np.inf))
+    begin = logs[others]
     first = point(begin)
-    if not free.size:
+    if not others.size:
         return Valley(logs, first.loss)
-    (end,), _ = minimise(at, [first], bounds, MOST_STEPS)
-    return Valley(logs + free @ (end.logs - begin), end.loss)
+    (end,), _ = minimise(at, [first], Bounds(lower, upper), most_steps, done, longest)
+    position = logs + free @ (end.logs - begin)
+    position[others] = end.logs
+    return Valley(position, end.loss)

@@ -101,21 +101,29 @@ def resolved(jacobian: ArrayLike) -> float:
     return max(1e-10, 10.0 * float(np.finfo(np.asarray(jacobian).dtype).eps))
 
 
-def descent(first: Point, box: Bounds, most_steps: int) -> Generator[np.ndarray, Point, Point]:
+def descent(
+    first: Point,
+    box: Bounds,
+    most_steps: int,
+    done: float = DONE,
+    longest: float = LONGEST,
+) -> Generator[np.ndarray, Point, Point]:
     """Minimises as a generator: yields logarithms, is sent the point there, returns the end.
 
     Args:
       first: first point, within the bounds.
       box: bounds of the logarithms.
       most_steps: most points to evaluate.
+      done: expected decrease of the sum of squares at which the descent ends.
+      longest: largest first step, in logarithms.
     """
-    here, radius = first, LONGEST
+    here, radius = first, longest
     for _ in range(most_steps):
         if not here.finite:
             break
         change, expected = step(here, box, radius)
         length = float(np.linalg.norm(change))
-        if not change.any() or (abs(expected) < DONE and length > SHORT):
+        if not change.any() or (abs(expected) < done and length > SHORT):
             break
         there = yield here.logs + change
         share = 0.0  # of the expected decrease
@@ -123,7 +131,7 @@ def descent(first: Point, box: Bounds, most_steps: int) -> Generator[np.ndarray,
             share = 2.0 * (here.loss - there.loss) / expected
         if share > ACCEPTED:
             here = there
-        if abs(expected) < DONE:
+        if abs(expected) < done:
             break
         if share < POOR:
             radius = 0.25 * length
@@ -137,14 +145,16 @@ def minimise(
     first: list[Point],
     box: Bounds,
     most_steps: int,
+    done: float = DONE,
+    longest: float = LONGEST,
 ) -> tuple[list[Point], int]:
     """Minimises from several points, side by side; gives the ends and the number of evaluations.
 
     Args:
       at: function that gives residuals and slopes at several logarithms.
-      first, box, most_steps: as for `descent`, of each.
+      first, box, most_steps, done, longest: as for `descent`, of each.
     """
-    paths = [descent(start, box, most_steps) for start in first]
+    paths = [descent(start, box, most_steps, done, longest) for start in first]
     ends, evaluated = list(first), 0
     replies: dict[int, Point | None] = dict.fromkeys(range(len(paths)))
     while replies:

@@ -30,6 +30,8 @@ AT_ONCE = 32
 """Number of points that are evaluated side by side."""
 MOST_STEPS = 40
 """Most steps from a point to its optimum."""
+DONE = 1e-3
+"""Expected decrease of the sum of squares at which these steps end; a fit goes on from there."""
 
 
 def scout(
@@ -57,7 +59,7 @@ def scout(
         points = evaluate(list(places))
         best = sorted(points[1 + FIRST :], key=lambda point: point.loss)[:BEST]
         first_points = [point for point in (*points[: 1 + FIRST], *best) if point.finite]
-        ends, _ = minimise(evaluate, first_points, unknown.box, MOST_STEPS)
+        ends, _ = minimise(evaluate, first_points, unknown.box, MOST_STEPS, DONE)
         different = distinct(ends, places[0], unknown.box, lambda logs: evaluate([logs])[0])
         return [optimum(end, count, finished=False) for end in different]
 

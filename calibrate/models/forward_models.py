@@ -7,9 +7,9 @@ SI units. Work that does not depend on the varied parameters is done once.
 
 from calibrate.models.closed_form import closed_form
 from calibrate.models.column import column
-from calibrate.models.one_size import column_of_one_size
 from calibrate.models.particles import particles
 from calibrate.models.prediction import ForwardModelMaker
+from calibrate.models.quick_column import quick_column
 from mrjax import InputError
 
 FORWARD_MODELS: dict[str, ForwardModelMaker] = {
@@ -31,16 +31,16 @@ HOLD_EVERYWHERE: tuple[ForwardModelMaker, ...] = (closed_form, column)
 """Models that hold far from the values they are prepared for, too."""
 
 
-def cheap_model(make: ForwardModelMaker, several_sizes: bool = False) -> ForwardModelMaker | None:
+def cheap_model(make: ForwardModelMaker, costly: bool = False) -> ForwardModelMaker | None:
     """The cheap model of a forward model; None for a user's own model.
 
     Args:
       make: the forward model.
-      several_sizes: True if a sample has particles of several sizes, which `column` settles by
-        finite volumes.
+      costly: True if a sample has particles of several sizes, or a bed that yields: `column` then
+        solves for the layers of its tube.
     """
-    if several_sizes and make is column:
-        return column_of_one_size
+    if costly and make is column:
+        return quick_column
     return next((cheap for expensive, cheap in CHEAP.items() if expensive is make), None)
 
 

@@ -26,10 +26,18 @@ STEPS = 120
 """Steps up to the last reading."""
 
 
-def yielding(sample: Sample, near: Suspension) -> ForwardModel:
+def yielding(
+    sample: Sample, near: Suspension, cells: int = CELLS, steps: int = STEPS
+) -> ForwardModel:
     """The tube of a suspension whose bed yields under its own weight.
 
     The final ratio is that of the bed at rest, which may be long after the last reading.
+
+    Args:
+      sample: the sample with its measurements.
+      near: a suspension that the model must predict.
+      cells: material cells of the tube.
+      steps: steps up to the last reading.
 
     Raises:
       InputError: the gel point is not below the greatest volume fraction of the bed, particles do
@@ -67,7 +75,7 @@ def yielding(sample: Sample, near: Suspension) -> ForwardModel:
             None,
         ).as_arrays()
         velocity = mrjax.terminal_velocity(suspension.parameters)
-        rest = consolidation.rest_height(case, compression, cells=CELLS)
+        rest = consolidation.rest_height(case, compression, cells=cells)
         final = jnp.where(velocity > 0.0, jnp.minimum(rest / height, 1.0), 1.0)
         flux = flux_of(suspension)
         # A factor, not a `where`: so derivatives are NaN, too.
@@ -75,7 +83,7 @@ def yielding(sample: Sample, near: Suspension) -> ForwardModel:
         possible = possible & (compression.gel_fraction < suspension.bed_fraction)
         ratio, local = jnp.zeros(0), jnp.zeros(0)
         if both.size:
-            settled = consolidation.consolidate(case, compression, cells=CELLS, steps=STEPS)
+            settled = consolidation.consolidate(case, compression, cells=cells, steps=steps)
             possible = possible & settled.solved
             mudline = consolidation.mudline_at(settled, both[: times.size])
             ratio = jnp.minimum(mudline / height, 1.0)

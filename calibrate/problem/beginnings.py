@@ -56,8 +56,7 @@ def beginnings(
       InputError: as for `Problem.prepare`.
     """
     make = forward_model(model)
-    sizes = (sample.recipe.particle.diameter for sample in experiment.samples)
-    cheap = cheap_model(make, any(not isinstance(diameter, float) for diameter in sizes))
+    cheap = cheap_model(make, _has_costly_columns(experiment))
     if _simulates_a_bed(experiment):
         cheap = None
     models = Problem.prepare(experiment, cheap, seed).models if cheap else ()
@@ -95,6 +94,15 @@ def begin(
     promising = [optimum for optimum in optima[:MOST] if optimum.loss <= limit]
     others = [optimum._replace(finished=finished) for optimum in optima[len(promising) :]]
     return Beginnings([theta(optimum.values) for optimum in promising], others, len(places))
+
+
+def _has_costly_columns(experiment: Experiment) -> bool:
+    """True if the layers of a tube must be solved for: several sizes, or a yielding bed."""
+    return any(
+        not isinstance(sample.recipe.particle.diameter, float)
+        or experiment.suspension_of(sample, experiment.start).compression is not None
+        for sample in experiment.samples
+    )
 
 
 def _simulates_a_bed(experiment: Experiment) -> bool:

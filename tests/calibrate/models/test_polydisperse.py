@@ -15,7 +15,7 @@ from calibrate.experiment.suspension import suspension
 from calibrate.models import polydisperse
 from calibrate.models.column import column
 from calibrate.models.forward_models import cheap_model
-from calibrate.models.one_size import column_of_one_size
+from calibrate.models.quick_column import quick_column
 
 HEIGHT, BED, CELLS = 0.3, 0.5, 60
 near = partial(pytest.approx, abs=0.0)
@@ -110,15 +110,13 @@ def test_a_fit_of_several_sizes_finds_the_values_of_a_synthetic_mudline():
 
 
 def test_searches_take_the_size_of_the_mean_velocity():
-    assert cheap_model(column, several_sizes=True) is column_of_one_size
+    assert cheap_model(column, costly=True) is quick_column
     assert cheap_model(column) is column
     diameter = SPREAD.particle.diameter.settling_diameter
-    cheap = predicted(SPREAD, model=column_of_one_size)["mudline"]
+    cheap = predicted(SPREAD, model=quick_column)["mudline"]
     exact = predicted(powder(diameter))["mudline"]
     assert np.asarray(cheap) == near(np.asarray(exact), rel=1e-12)
-    assert jnp.all(
-        predicted(EQUAL, model=column_of_one_size)["mudline"] == predicted(EQUAL)["mudline"]
-    )
+    assert jnp.all(predicted(EQUAL, model=quick_column)["mudline"] == predicted(EQUAL)["mudline"])
 
 
 def test_a_bed_that_is_not_known_is_refused():
