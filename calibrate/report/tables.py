@@ -47,7 +47,10 @@ def summary(
         agreed = agreed._replace(p_value=None)  # they follow from the residuals that p would test
     scale = agreed.error_scale if agreed.misfit else 1.0
     validity_of = {
-        sample.name: _validity(problem.experiment.suspension_of(sample, fit.theta).parameters)
+        sample.name: _validity(
+            problem.experiment.suspension_of(sample, fit.theta).parameters,
+            sample.recipe.temperature,
+        )
         for sample in problem.experiment.samples
     }
     return {
@@ -150,9 +153,9 @@ def _why_open(identification: Identification, name: str, place: int) -> str:
     return "carried_by_priors_alone"
 
 
-def _validity(parameters: Parameters) -> tuple[dimensionless.Number, ...]:
-    """Dimensionless numbers of a suspension that falls as fitted."""
-    return dimensionless.numbers(parameters, terminal_velocity(parameters))
+def _validity(parameters: Parameters, temperature: float) -> tuple[dimensionless.Number, ...]:
+    """Dimensionless numbers of a suspension that falls as fitted, at its temperature in K."""
+    return dimensionless.numbers(parameters, terminal_velocity(parameters), temperature)
 
 
 def _agreement(agreed: Agreement, errors: str) -> dict[str, Any]:

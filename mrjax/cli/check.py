@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     These are volume fractions, number of particles, densities, drag factors, settling velocity,
     time scales, and step and cost of a run to rest. Warnings name assumptions of the model that do
     not hold. Notes name assumed values, quantities that the recipe does not determine, the branch
-    of hindered settling, and what moves in a fluid with a yield stress.
+    of hindered settling, what moves in a fluid with a yield stress, and whether particles stick.
 
     \b
     Examples:

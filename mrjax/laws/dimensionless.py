@@ -3,6 +3,7 @@
 Re = rho_f v d / (f_v mu), of the coated particle   below 0.1: Stokes' drag within 2 % (Oseen 1910)
 St = v / (alpha R)                                  below 1: the history force is negligible
 Pe = |m - m_f| g R / (k T)                         above 10: Brownian motion is negligible
+Bo = A R / (12 h_0^2 |m - m_f| g)                   above 1: particles stick to each other
 """
 
 from collections.abc import Iterable
@@ -73,6 +74,21 @@ def reynolds_number(velocity: ArrayLike, parameters: Parameters) -> Array:
     diameter = 2.0 * particle.outer_radius(parameters)
     viscosity = drag.carrier_viscosity(parameters)
     return parameters.fluid_density * velocity * diameter / viscosity
+
+
+def granular_bond_number(parameters: Parameters, hamaker: ArrayLike, gap: ArrayLike) -> Array:
+    """Granular Bond number Bo = F_c / W, the pull-off force of two equal spheres over their weight.
+
+    F_c = A R* / (6 h_0^2), R* = R / 2 (Derjaguin); W is the net weight of one sphere. The number is
+    1, () or (N,), and infinite without a weight.
+
+    Args:
+      parameters: particles and fluid; R is the coated radius.
+      hamaker: Hamaker constant A, J.
+      gap: h_0, closest gap between the surfaces, m: twice the thickness of the layer on each.
+    """
+    pull_off = hamaker * particle.outer_radius(parameters) / (12.0 * gap**2)
+    return pull_off / jnp.abs(particle.net_weight(parameters))
 
 
 def numbers(

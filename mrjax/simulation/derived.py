@@ -13,7 +13,7 @@ from mrjax.core.units import MM_PER_DAY
 from mrjax.laws import closed_forms, dimensionless, drag, time_scales, yield_stress
 from mrjax.laws.closures import brzinski_durian
 from mrjax.laws.closures.richardson_zaki import RICHARDSON_ZAKI_EXPONENT
-from mrjax.recipe import carrier, contacts
+from mrjax.recipe import attraction_notes, carrier, contacts
 from mrjax.recipe.recipe import Recipe
 from mrjax.simulation import estimates
 from mrjax.simulation.overlap import OVERLAP
@@ -55,7 +55,7 @@ def notes(recipe: Recipe, tube_diameter: float | None = None) -> list[str]:
     """Remarks on assumptions, and on what matters in a suspension.
 
     They are assumed and inconsistent values, quantities that `derived` leaves out, the branch of
-    hindered settling, and what moves in a fluid with a yield stress.
+    hindered settling, what moves in a fluid with a yield stress, and whether particles stick.
 
     Args:
       recipe: the lab sheet.
@@ -64,7 +64,9 @@ def notes(recipe: Recipe, tube_diameter: float | None = None) -> list[str]:
     lacking = contacts.missing(recipe)
     omissions = [f"times and steps of contacts are left out: {lacking}"] if lacking else []
     moving = carrier.notes(recipe.parameters(), recipe.coated_volume_fraction, tube_diameter)
-    return [*recipe.notes, *recipe.contact_notes, *omissions, branch_note(recipe), *moving]
+    sticking = attraction_notes.notes(recipe.parameters())
+    assumed = [*recipe.notes, *recipe.contact_notes, *omissions]
+    return [*assumed, *sticking, branch_note(recipe), *moving]
 
 
 def branch_note(recipe: Recipe) -> str:
@@ -116,7 +118,7 @@ def _of_fall(recipe: Recipe) -> list[Row]:
     """Settling velocity, dimensionless numbers and relaxation time."""
     parameters = recipe.parameters()
     velocity, relaxation = evaluate_with_numpy(_falling, parameters)
-    numbers = dimensionless.numbers(parameters, velocity)
+    numbers = dimensionless.numbers(parameters, velocity, recipe.temperature)
     return [
         (
             "settling_velocity",
@@ -190,7 +192,7 @@ def warnings(recipe: Recipe) -> list[str]:
     """Warnings, one line for each assumption of the model that the suspension does not meet."""
     parameters = recipe.parameters()
     velocity, _ = evaluate_with_numpy(_falling, parameters)
-    return dimensionless.warnings(dimensionless.numbers(parameters, velocity))
+    return dimensionless.warnings(dimensionless.numbers(parameters, velocity, recipe.temperature))
 
 
 def _falling(parameters: Parameters) -> tuple[Array, Array]:

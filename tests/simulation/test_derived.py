@@ -22,8 +22,8 @@ def test_the_papers_second_case(case2):
     assert found["volume fraction of particles"] == near(0.33718, rel=1e-5)
     assert found["settling velocity (Eq. 27)"] == near(9.1164, rel=1e-5)
     assert found["f_w, crowding"] == near(48.985, rel=1e-6)
-    # 6.66e-13 N of net weight times 2e-6 m over k T.
-    assert found["Peclet number"] == near(1041, rel=1e-3)
+    # 2.14e-12 N of net weight times 2e-6 m over k T at 293.15 K.
+    assert found["Peclet number"] == near(1059, rel=1e-3)
     assert found["Reynolds number"] == near(4.0e-8, rel=1e-2)
     assert derived.warnings(case2) == []
 
@@ -70,11 +70,11 @@ def test_what_only_contacts_have_is_left_out_where_moduli_are_missing():
         86400e3 * 2.507e-4 / found["f_w"].value,
         rel=1e-6,
     )
-    box, left_out, branch = derived.notes(CHALK)
+    box, left_out, _, branch = derived.notes(CHALK)
     assert "below 1e+08, hindered settling is on the low branch" in branch
     assert box.startswith("no box is given: one of ") and "300 particles" in box
     assert left_out.startswith("times and steps of contacts are left out: particle.elastic_modulus")
-    assumed, same_box, same_branch = derived.notes(stone)
+    assumed, same_box, _, same_branch = derived.notes(stone)
     assert (same_box, same_branch) == (box, branch)
     assert "assumed for a mineral" in assumed
 
@@ -88,7 +88,7 @@ def test_what_only_contacts_have_is_left_out_where_a_box_holds_no_particle():
     found = {one.key: one.value for one in derived.derived(dilute)}
     assert not OF_CONTACTS & found.keys()
     assert found["particles"] == 0 and found["largest_diameter"] == near(20.0, rel=1e-12)
-    left_out, _ = derived.notes(dilute)
+    left_out, *_ = derived.notes(dilute)
     assert "box.size = [0.00012, 0.00012, 0.00024]: holds 1e-06 of its volume" in left_out
 
 
@@ -120,3 +120,15 @@ def test_contacts_too_viscous_for_any_step_are_refused(case2):
     )
     with pytest.raises(mrjax.InputError, match="no step is stable: give less dissipation"):
         derived.derived(viscous)
+
+
+def test_the_peclet_number_is_that_of_the_temperature(case2):
+    """In the table, in its warning, and on its branch."""
+    hot = case2.replace(temperature=400.0)
+    cold, warm = of(case2)["Peclet number"], of(hot)["Peclet number"]
+    assert warm == near(cold * 293.15 / 400.0, rel=1e-12) == hot.peclet_number
+    assert f"at a Peclet number of {warm:.2g}," in derived.notes(hot)[-1]
+    tiny = case2.replace(particle={"diameter": 1.25e-6}, temperature=293.15, box=None)
+    assert derived.warnings(tiny) == []  # 10.1
+    (warning,) = derived.warnings(tiny.replace(temperature=310.0))
+    assert warning.startswith("Peclet number 9.6 is below 10")

@@ -21,7 +21,7 @@ def made_by(plan: Plan) -> dict[str, Any]:
 
 def dimensionless_numbers(plan: Plan, result: Result) -> tuple[dimensionless.Number, ...]:
     """Returns the dimensionless numbers of the suspension at its simulated velocity."""
-    return dimensionless.numbers(plan.parameters, result.velocity)
+    return dimensionless.numbers(plan.parameters, result.velocity, plan.sheet.temperature)
 
 
 def summary(plan: Plan, result: Result, made_by: dict[str, Any]) -> dict[str, Any]:
