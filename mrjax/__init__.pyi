@@ -45,6 +45,7 @@ from .dem.forces.force import PairForce as PairForce
 from .dem.forces.force import Particles as Particles
 from .dem.forces.force import Wrench as Wrench
 from .dem.forces.gravity import Gravity as Gravity
+from .dem.forces.van_der_waals import VanDerWaals as VanDerWaals
 from .io.run_file import load_run as load_run
 from .io.run_file import save_run as save_run
 from .io.state_file import load_state as load_state
@@ -55,6 +56,7 @@ from .laws import drag as drag
 from .laws import hindrance as hindrance
 from .laws import particle as particle
 from .laws import rolling as rolling
+from .laws.attraction import bond_number as bond_number
 from .laws.closed_forms import terminal_velocity as terminal_velocity
 from .laws.dimensionless import reynolds_number as reynolds_number
 from .laws.time_scales import time_step as time_step

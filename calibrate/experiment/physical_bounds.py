@@ -18,6 +18,7 @@ from mrjax.recipe.sheets import LARGEST, SMALLEST, Sheet
 from mrjax.recipe.tables import (
     LARGEST_FACTOR,
     LEAST_FACTOR,
+    Attraction,
     Coating,
     Contact,
     Drag,
@@ -39,6 +40,10 @@ OF_SHEET: dict[str, tuple[type[Sheet], str]] = {
     "wall_elastic_modulus": (Particle, "elastic_modulus"),
     "wall_poisson_ratio": (Particle, "poisson_ratio"),
     **{key: (Contact, key) for key in Contact.model_fields},
+    "hamaker": (Attraction, "hamaker"),
+    "layer_thickness": (Attraction, "layer_thickness"),
+    "wall_layer_thickness": (Attraction, "layer_thickness"),
+    "attraction_range": (Attraction, "range"),
     "added_mass": (Drag, "added_mass"),
     "gravity": (Recipe, "gravity"),
 }

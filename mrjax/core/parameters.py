@@ -74,15 +74,17 @@ class Parameters:
     """Particles, fluid, coating, contact and drag factors of one suspension; shapes () or (N,).
 
     Properties of two surfaces in contact (`friction`, `restitution`, `dissipation`,
-    `tangential_dissipation`, `rolling_friction`, `rolling_damping`) are one number for all pairs,
-    shape (), or a symmetric table by the materials of `State.material`, the walls last: shape
-    (M + 1, M + 1) for M materials of particles.
+    `tangential_dissipation`, `rolling_friction`, `rolling_damping`) and of their attraction
+    (`hamaker`, `attraction_range`) are one number for all pairs, shape (), or a symmetric table by
+    the materials of `State.material`, the walls last: shape (M + 1, M + 1) for M materials of
+    particles.
 
     `elastic_modulus` and `poisson_ratio` are those of the surface in contact: of the coating, if
     there is one (Son 2018, section 2.4). They are NaN if they are unknown; only particles in
     contact need them. Without a fluid (`viscosity=0, gravity=0`) the same parameters describe a
     dry collision. `yield_stress`, `flow_index` and `yield_growth` are None in a Newtonian fluid;
-    only terminal velocities and columns use them.
+    only terminal velocities and columns use them. `hamaker` and `layer_thickness` are None without
+    attraction.
     """
 
     radius: ArrayLike = _quantity("m", "R, radius of the uncoated particle (Eq. 3).", above=0.0)
@@ -186,6 +188,38 @@ class Parameters:
     )
     f_r: ArrayLike = _quantity(
         "1", "Coated radius over uncoated radius (Eqs. 20, 24).", default=1.0, above=0.0
+    )
+
+    hamaker: ArrayLike | None = _quantity(
+        "J",
+        "A, Hamaker constant of two surfaces across the fluid (mrjax.VanDerWaals).",
+        default=None,
+        least=0.0,
+        pair=True,
+        optional=True,
+    )
+    layer_thickness: ArrayLike | None = _quantity(
+        "m",
+        "Thickness of the layer on a particle; two of them make the steric gap h_0.",
+        default=None,
+        above=0.0,
+        optional=True,
+    )
+    wall_layer_thickness: ArrayLike | None = _quantity(
+        "m",
+        "Thickness of the layer on the walls; None for that of the particles.",
+        default=None,
+        above=0.0,
+        wall=True,
+        optional=True,
+    )
+    attraction_range: ArrayLike | None = _quantity(
+        "1",
+        "Range of the attraction of softened contacts, in radii; None for h_0, 0 for contact only.",
+        default=None,
+        least=0.0,
+        pair=True,
+        optional=True,
     )
 
     yield_stress: ArrayLike | None = _quantity(

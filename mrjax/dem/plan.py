@@ -41,7 +41,7 @@ class System(NamedTuple):
         Args:
           state, parameters, box: state, parameters and container of the run.
           hindrance: function from the local volume fraction to f_w, or None.
-          forces: list of forces; None for gravity and contact.
+          forces: list of forces; None for the bundled ones that act.
 
         Raises:
           InputError: an argument has the wrong type, the closure does not hold in the bed, or

@@ -37,6 +37,8 @@ class PairProperties(NamedTuple):
     """Coefficient mu_r of rolling friction; 1."""
     rolling_damping: Array
     """Fraction h_r of critical damping of rolling; 1."""
+    pull_off: Array | None = None
+    """Pull-off force F_c, N; None without attraction."""
 
 
 class SurfacePairs(NamedTuple):

@@ -32,6 +32,7 @@ def refuse_implausible(recipe: Suspension) -> None:
     """
     _refuse_units(recipe)
     _refuse_coating(recipe)
+    _refuse_wall(recipe)
     _refuse_neutral(recipe)
     _refuse_packing(recipe)
     _refuse_closure(recipe)
@@ -96,6 +97,15 @@ def _refuse_coating(recipe: Suspension) -> None:
             f"composition.coating = {composition.coating}: there is no table [coating]; "
             "add one, or set the fraction to 0"
         )
+
+
+def _refuse_wall(recipe: Suspension) -> None:
+    for key in ("hamaker", "layer_thickness"):
+        if recipe.wall and not recipe.attraction and getattr(recipe.wall, key) is not None:
+            raise ValueError(
+                f"wall.{key} = {getattr(recipe.wall, key)}: there is no table [attraction]; add "
+                "one, or remove the key"
+            )
 
 
 def _refuse_packing(recipe: Suspension) -> None:

@@ -98,10 +98,10 @@ class Recipe(Suspension):
         elastic_modulus, poisson_ratio = (
             _value_or(getattr(surface, key), np.nan) for key in MODULI
         )
-        diameter, contact = self.particle.diameter, self.contact
+        diameter, contact, attraction = self.particle.diameter, self.contact, self.attraction
 
-        def value_or_table(name: str) -> float | np.ndarray:
-            particles, walls = getattr(contact, name), getattr(wall, name, None)
+        def value_or_table(name: str, table: Sheet = contact) -> float | np.ndarray:
+            particles, walls = getattr(table, name), getattr(wall, name, None)
             if walls is None or walls == particles:
                 return particles
             return np.array([[particles, walls], [walls, walls]])
@@ -120,6 +120,10 @@ class Recipe(Suspension):
             wall_poisson_ratio=_value_or(wall.poisson_ratio, poisson_ratio),
             # Every key of [contact] is a leaf.
             **{name: value_or_table(name) for name in vars(contact)},
+            hamaker=value_or_table("hamaker", attraction) if attraction else None,
+            layer_thickness=attraction.layer_thickness if attraction else None,
+            wall_layer_thickness=wall.layer_thickness if attraction else None,
+            attraction_range=attraction.range if attraction else None,
             gravity=self.gravity,
             added_mass=self.drag.added_mass,
             # Without a coating, a layer that f_r adds consists of fluid.

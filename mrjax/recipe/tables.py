@@ -14,6 +14,8 @@ from mrjax.recipe.sizes import Sizes
 
 LEAST_FACTOR, LARGEST_FACTOR = 1e-6, 1e9
 """Bounds of a drag factor."""
+LARGEST_HAMAKER = 1e-16
+"""Bound in J, hundreds of times that of metals; a larger number was given in another unit."""
 MODULI = ("elastic_modulus", "poisson_ratio")
 """Keys of a solid that only contacts use."""
 
@@ -149,6 +151,15 @@ class Wall(Sheet):
         le=1e3,
         description="the coefficient of rolling on the walls, at least 0",
     )
+    hamaker: float | None = Field(
+        default=None,
+        ge=0,
+        le=LARGEST_HAMAKER,
+        description="the Hamaker constant of particles and walls in J, at least 0",
+    )
+    layer_thickness: float | None = Field(
+        default=None, gt=0, le=1e-3, description="the thickness of the layer on the walls in m"
+    )
 
 
 class Drag(Sheet):
@@ -218,6 +229,25 @@ class Contact(Sheet):
         ge=0,
         le=1e3,
         description="the fraction of critical damping of rolling, at least 0",
+    )
+
+
+class Attraction(Sheet):
+    """Van der Waals attraction of surfaces."""
+
+    hamaker: float = Field(
+        ge=0,
+        le=LARGEST_HAMAKER,
+        description="the Hamaker constant in J, at least 0: 100 zJ are 1e-19",
+    )
+    layer_thickness: float = Field(
+        default=2e-10,
+        gt=0,
+        le=1e-3,
+        description="the thickness of the layer on one surface in m, above zero",
+    )
+    range: float | None = Field(
+        default=None, ge=0, le=1, description="the range of the attraction in radii, 0 to 1"
     )
 
 

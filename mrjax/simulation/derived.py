@@ -64,7 +64,9 @@ def notes(recipe: Recipe, tube_diameter: float | None = None) -> list[str]:
     lacking = contacts.missing(recipe)
     omissions = [f"times and steps of contacts are left out: {lacking}"] if lacking else []
     moving = carrier.notes(recipe.parameters(), recipe.coated_volume_fraction, tube_diameter)
-    sticking = attraction_notes.notes(recipe.parameters())
+    sheet = recipe.attraction
+    stated = () if sheet is None else (sheet.hamaker, sheet.layer_thickness)
+    sticking = attraction_notes.notes(recipe.parameters(), *stated)
     assumed = [*recipe.notes, *recipe.contact_notes, *omissions]
     return [*assumed, *sticking, branch_note(recipe), *moving]
 

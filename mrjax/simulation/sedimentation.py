@@ -71,7 +71,7 @@ def sedimentation(
       time_step: longest step, s; by default one at which the bed is stable.
       dtype: dtype of the runs; `float` is JAX's default.
       progress: whether to show progress bars, on standard error.
-      forces: the forces on the particles; by default gravity and contact (`RunOptions`).
+      forces: the forces on the particles; by default those of `RunOptions`.
       trajectory: whether to record all positions, velocities and spins (`Run.trajectory`).
       checkpoint: folder that keeps the runs every ten frames, as for `settle`.
 

@@ -3,7 +3,9 @@
 A 4 um iron particle at rest overlaps its neighbour by 1e-7 of its radius, and at that stiffness the
 settling of a 50 um box would take 1e12 steps. Without inertia the stiffness does not matter, as
 long as overlaps stay small. `softened` divides the moduli of particles and walls by one factor,
-chosen from the greatest overlap that is allowed. The dissipation of contacts is then negligible
+chosen from the greatest overlap that is allowed. The load is that of the bed, or the pull-off force
+if it is larger. Attraction keeps its pull-off force and gets a range that the longer steps resolve.
+The dissipation of contacts is then negligible
 beside the drag, and is left out of the program.
 """
 
@@ -18,11 +20,14 @@ from mrjax.core.errors import InputError
 from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.core.parameters import Parameters, per_particle
 from mrjax.core.tracing import drop_tracers, evaluated_or_none
-from mrjax.laws import drag, particle, time_scales
+from mrjax.laws import attraction, drag, particle, time_scales
 from mrjax.simulation.overlap import MOST_OVERLAP
 
 FORCE_CHAINS = 4.5
 """Greatest contact force at the floor of a random bed over the mean load of a particle there."""
+
+RANGE = 0.03
+"""Range of the attraction of softened contacts, in radii, if the parameters have none."""
 
 IDLE = 1e-3
 """Ratio of a contact's dashpot to the drag below which the dashpot is left out."""
@@ -34,7 +39,7 @@ def softened(parameters: Parameters, box: Box, particles: int, overlap: float) -
     The moduli are never raised. Particles lighter than the fluid make their bed under the lid.
     Dissipation and restitution are left out if, at that overlap, their dashpots are less than a
     thousandth of the drag: a particle in oil does not bounce. The factor is a number, through which
-    no derivative goes.
+    no derivative goes. Attraction without an `attraction_range` gets one of `RANGE`.
 
     Args:
       parameters: parameters of the run; their moduli, weight and radius must be concrete.
@@ -76,6 +81,8 @@ def softened(parameters: Parameters, box: Box, particles: int, overlap: float) -
         elastic_modulus=parameters.elastic_modulus * factor,
         wall_elastic_modulus=parameters.wall_elastic_modulus * factor,
     )
+    if parameters.hamaker is not None and parameters.attraction_range is None:
+        soft = soft.replace(attraction_range=jnp.asarray(RANGE, jnp.result_type(soft.radius)))
     idle = evaluated_or_none(
         partial(evaluate_with_numpy, partial(_idle, overlap=overlap)), drop_tracers(soft)
     )
@@ -109,4 +116,7 @@ def resting_overlap(numbers: Parameters, box: Box, particles: int) -> Array:
     # Weight of all particles above an area as wide as the largest particle.
     above = pressing * (2.0 * jnp.max(radius)) ** 2 / (box.size[0] * box.size[1])
     load = FORCE_CHAINS * jnp.maximum(above, jnp.max(jnp.abs(weight)))
+    if numbers.hamaker is not None:
+        for pull_off in attraction.pull_off_of_like_particles(numbers):
+            load = jnp.maximum(load, jnp.max(pull_off))
     return time_scales.expected_overlap(numbers, load, 0.0)

@@ -6,6 +6,7 @@ import pytest
 import mrjax
 from mrjax.laws import dimensionless
 from mrjax.recipe import attraction_notes
+from mrjax.simulation import derived
 
 CASE = mrjax.Recipe.load("case2").parameters()
 
@@ -44,3 +45,9 @@ def test_the_effect_of_a_stated_attraction_is_said(layer, bond, effect):
     (note,) = attraction_notes.notes(CASE, 1e-19, layer)
     assert f"over net weight) is {bond}, with a Hamaker constant of 1e-19 J" in note
     assert effect in note
+
+
+def test_a_stated_attraction_is_in_the_notes_of_a_sheet():
+    sheet = mrjax.Recipe.load("case2").replace(attraction={"hamaker": 1e-19})
+    bond = mrjax.bond_number(sheet.parameters())
+    assert any(f"net weight) is {bond:.2g}, with" in note for note in derived.notes(sheet))

@@ -150,3 +150,31 @@ def test_a_column_does_without_moduli():
     np.testing.assert_array_equal(found.mudline, known.mudline)
     with pytest.raises(mrjax.InputError, match=r"^viscosity = nan must be"):
         mrjax.column(recipe.parameters().replace(viscosity=np.nan), **tube, cells=20)
+
+
+def test_attraction_becomes_leaves_with_the_walls_last():
+    sheet = mrjax.Recipe.load("case2")
+    plain = sheet.parameters()
+    leaves = ("hamaker", "layer_thickness", "wall_layer_thickness", "attraction_range")
+    assert all(getattr(plain, name) is None for name in leaves)
+    bare = sheet.replace(attraction={"hamaker": 1e-19}).parameters()
+    assert [getattr(bare, name) for name in leaves] == [1e-19, 2e-10, None, None]
+    stated = sheet.replace(
+        attraction={"hamaker": 1e-19, "layer_thickness": 2e-9, "range": 0.05},
+        wall={"hamaker": 0.0, "layer_thickness": 1e-9},
+    ).parameters()
+    np.testing.assert_array_equal(stated.hamaker, [[1e-19, 0.0], [0.0, 0.0]])
+    assert [float(getattr(stated, name)) for name in leaves[1:]] == [2e-9, 1e-9, 0.05]
+
+
+@pytest.mark.parametrize(
+    "tables, words",
+    [
+        ({"attraction": {"hamaker": 100.0}}, "100 zJ are 1e-19"),
+        ({"attraction": {"layer_thickness": 1e-9}}, "attraction.hamaker is missing"),
+        ({"wall": {"hamaker": 0.0}}, r"there is no table \[attraction\]"),
+    ],
+)
+def test_attraction_that_cannot_be_is_refused(tables, words):
+    with pytest.raises(mrjax.InputError, match=words):
+        mrjax.Recipe.load("case2").replace(**tables)

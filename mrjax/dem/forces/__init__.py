@@ -1,7 +1,8 @@
 """Forces on the particles, one file each; `force` has the base classes.
 
-Drag is linear in velocity and spin, and the integrator solves it exactly. The magnetic and the weak
-forces of Eq. 1 (Son 2018) are left out, as in the paper.
+Drag is linear in velocity and spin, and the integrator solves it exactly. The magnetic force of
+Eq. 1 (Son 2018) is left out, as in the paper; of the weak forces there is the attraction of
+surfaces.
 """
 
 import importlib
@@ -12,7 +13,7 @@ from typing import Any
 
 from mrjax.core.errors import InputError, shown
 from mrjax.core.parameters import Parameters
-from mrjax.dem.forces.contact import ActiveLaws, Contact, active_laws
+from mrjax.dem.forces.contact import ActiveLaws, Contact, active_laws, acts
 from mrjax.dem.forces.force import (
     BodyForce,
     Force,
@@ -22,6 +23,7 @@ from mrjax.dem.forces.force import (
     Wrench,
 )
 from mrjax.dem.forces.gravity import Gravity, net_weight
+from mrjax.dem.forces.van_der_waals import VanDerWaals
 
 # Their names of before.
 pull = net_weight
@@ -44,17 +46,25 @@ def greatest_overlap(forces: Sequence[Force]) -> float:
     return min((force.greatest_overlap for force in pair_forces(forces)), default=math.inf)
 
 
+def bundled_forces(parameters: Parameters) -> tuple[Force, ...]:
+    """Returns gravity, contact and, unless its coefficient is known to be zero, attraction."""
+    attracts = parameters.hamaker is not None and acts(parameters.hamaker)
+    return (Gravity(), Contact(), *([VanDerWaals()] if attracts else []))
+
+
 def active_forces(forces: Sequence[Force] | None, parameters: Parameters) -> tuple[Force, ...]:
     """Returns the forces of a run, without the parts whose coefficients are known to be zero.
 
     Args:
-      forces: the list of forces; None for gravity and contact.
+      forces: the list of forces; None for gravity, contact and, if the Hamaker constant is not
+        known to be zero, the attraction of surfaces.
       parameters: parameters of the run.
 
     Raises:
-      InputError: an entry is not a force, or two forces use the same name in the contact history.
+      InputError: an entry is not a force, two forces use the same name in the contact history, or
+        a parameter that a force needs is missing.
     """
-    given = (Gravity(), Contact()) if forces is None else forces
+    given = bundled_forces(parameters) if forces is None else forces
     if isinstance(given, str) or not isinstance(given, Sequence):
         raise InputError(
             f"forces = {shown(given)}: give a list, [mrjax.Gravity(), mrjax.Contact()]"
@@ -66,6 +76,10 @@ def active_forces(forces: Sequence[Force] | None, parameters: Parameters) -> tup
                 "of a class of your own, derived from mrjax.PairForce or mrjax.BodyForce"
             )
     active = tuple(force.active(parameters) for force in given)
+    if any(isinstance(force, VanDerWaals) for force in active):
+        active = tuple(
+            force.attracted() if isinstance(force, Contact) else force for force in active
+        )
     names = Counter(name for force in pair_forces(active) for name in force.memory())
     for name, times in names.items():
         if times > 1:
@@ -99,10 +113,12 @@ __all__ = [
     "PairForce",
     "Particles",
     "Stiffness",
+    "VanDerWaals",
     "Wrench",
     "active_forces",
     "active_laws",
     "body_forces",
+    "bundled_forces",
     "greatest_overlap",
     "net_weight",
     "pair_forces",

@@ -4,9 +4,12 @@
 
 Here a is the lever arm, from the centre to the middle of the overlap. The forces are terms of
 Eqs. 1, 2 and 19. The laws are in `mrjax.laws.normal`, `tangential` and `rolling`.
+
+With attraction the net normal force is N = F_n - F_c, and the limits of friction and rolling
+resistance are mu (N + 2 F_c) and mu_r R* (N + 2 F_c) (Thornton 1991).
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import ModuleType
 from typing import Self
 
@@ -20,8 +23,9 @@ from mrjax.core.parameters import Parameters
 from mrjax.core.tracing import value_or_none
 from mrjax.dem.contact_history import Remembered, rotate_into_tangent_plane
 from mrjax.dem.forces.force import Memory, PairForce, Stiffness, Wrench
+from mrjax.dem.forces.van_der_waals import VanDerWaals
 from mrjax.dem.kinematics import PairKinematics, time_in_contact
-from mrjax.laws import effective, normal, rolling, tangential
+from mrjax.laws import attraction, effective, normal, rolling, tangential
 from mrjax.laws.effective import PairProperties, SurfacePairs
 from mrjax.laws.vectors import Vector, cross, plus, times
 
@@ -33,14 +37,17 @@ class ActiveLaws:
     sliding: bool
     rolling: bool
     damped: bool
+    attracted: bool = False
+    """True if the limits of friction and rolling resistance include the pull-off force."""
+
+
+def acts(coefficient: ArrayLike, idle: float = 0.0) -> bool:
+    """True if a coefficient is traced, or is not known to have its value without effect."""
+    return isinstance(coefficient, Tracer) or bool(np.any(value_or_none(coefficient) != idle))
 
 
 def active_laws(parameters: Parameters) -> ActiveLaws:
     """Selects the laws whose coefficients are traced, or are not known to have no effect."""
-
-    def acts(coefficient: Array, idle: float = 0.0) -> bool:
-        return isinstance(coefficient, Tracer) or bool(np.any(value_or_none(coefficient) != idle))
-
     return ActiveLaws(
         sliding=acts(parameters.friction),
         rolling=acts(parameters.rolling_friction),
@@ -69,6 +76,10 @@ class Contact(PairForce):
         """Returns the force without the laws whose coefficients are known to be zero."""
         return type(self)(active_laws(parameters))
 
+    def attracted(self) -> Self:
+        """Returns the force with the pull-off force in the limits of friction and rolling."""
+        return type(self)(replace(self.laws, attracted=True))
+
     def apart(self) -> Self:
         """Returns the force without friction, damping and history, to compile less code."""
         return type(self)(ActiveLaws(sliding=False, rolling=False, damped=False))
@@ -80,7 +91,10 @@ class Contact(PairForce):
           parameters: parameters of the run.
           surfaces: surfaces of the pairs.
         """
-        return effective.of_surfaces(parameters, surfaces)
+        properties = effective.of_surfaces(parameters, surfaces)
+        if not self.laws.attracted:
+            return properties
+        return properties._replace(pull_off=attraction.pull_off(parameters, surfaces))
 
     def alike(self, parameters: Parameters, material: Array | None) -> bool:
         """True if all particles have the same material, size and mass.
@@ -89,6 +103,8 @@ class Contact(PairForce):
           parameters: parameters of the run.
           material: material index of each particle, (N,); None if all have the same material.
         """
+        if self.laws.attracted:
+            return VanDerWaals().alike(parameters, material)
         return effective.alike(parameters, material)
 
     def memory(self) -> dict[str, Remembered]:
@@ -116,6 +132,10 @@ class Contact(PairForce):
             damped=self.laws.damped,
         )
         force: Vector = times(normal_force, pair.normal)
+        pressing_force = normal_force
+        if properties.pull_off is not None:
+            touching = pair.overlap > 0.0
+            pressing_force = jnp.where(touching, normal_force + properties.pull_off, 0.0)
         torques: tuple[Vector, Vector] | tuple[None, None] = (None, None)
         rotation = times(time_step, pair.normal_rotation_rate), time_step * pair.torsion_rate
         duration = time_in_contact(pair, time_step)
@@ -125,7 +145,7 @@ class Contact(PairForce):
                 plus(turned, duration, pair.slip),
                 pair.slip,
                 pair.overlap,
-                normal_force,
+                pressing_force,
                 shear_modulus=properties.shear_modulus,
                 radius=properties.radius,
                 mass=properties.mass,
@@ -143,7 +163,7 @@ class Contact(PairForce):
                 plus(turned, duration, pair.rolling),
                 pair.rolling,
                 pair.overlap,
-                normal_force,
+                pressing_force,
                 modulus=properties.modulus,
                 radius=properties.radius,
                 inertia=properties.rolling_inertia,

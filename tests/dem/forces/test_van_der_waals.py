@@ -1,0 +1,352 @@
+"""Attraction of surfaces: exact forces, rest, a hanging chain, impacts, and derivatives."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import mrjax
+from mrjax.dem.forces import ActiveLaws, Contact, VanDerWaals, active_forces
+from mrjax.dem.kinematics import ParticleState, pair_kinematics
+from mrjax.laws import effective, normal
+from mrjax.laws.attraction import CUT_OFF, attraction
+from tests.builders.particles import DRY, glass
+
+near = partial(pytest.approx, abs=0.0)
+RADIUS, LAYER, PULL_OFF = 1e-3, 1e-6, 1e-4
+ROOM = mrjax.Box((1e-2, 1e-2, 1e-2))
+MIDDLE = 5e-3
+HAMAKER = PULL_OFF * 12.0 * (2.0 * LAYER) ** 2 / RADIUS
+"""Of two spheres with layers of `LAYER`, whose pull-off force is `PULL_OFF`."""
+
+
+def sticky(**changes):
+    """Beads of glass that attract each other by `PULL_OFF`."""
+    leaves = dict(hamaker=HAMAKER, layer_thickness=LAYER)
+    return glass(**(leaves | changes)).astype(float)
+
+
+def pull(gap, parameters, wall=False, law=VanDerWaals()):  # noqa: B008
+    """Attraction of two surfaces at a gap by the law alone; repulsive forces are negative."""
+    coated = mrjax.particle.coated_particle(parameters)
+    pairs = effective.SurfacePairs(jnp.array([0]), jnp.array([1]), jnp.array([wall]), None, coated)
+    own = jax.tree.map(jnp.ravel, law.coefficients(parameters, pairs))
+    still, zero = (jnp.zeros(1),) * 3, jnp.zeros(1)
+    surface = ParticleState(still, still, still, jnp.full(1, RADIUS), still)
+    distance = jnp.full(1, (1.0 if wall else 2.0) * RADIUS + gap)
+    kinematics = pair_kinematics(
+        surface, surface, (distance, zero, zero), jnp.full(1, 0 if wall else -1)
+    )
+    wrench, _ = law(kinematics, own, law.blank_memory(zero), 0.0)
+    assert not np.any(wrench.force[1:])
+    return -float(wrench.force[0][0])
+
+
+# --- exact forces ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("gap", [-1e-5, 2e-6, 1e-5, 1.999e-5])
+def test_two_spheres_attract_each_other_as_derjaguin_has_it(gap):
+    """A R* / (6 (h + h_0)^2), times the factor that ends it at ten steric gaps."""
+    h, gap_0 = max(gap, 0.0), 2.0 * LAYER
+    ends = (1.0 - (h / (CUT_OFF * gap_0)) ** 4) ** 3
+    expected = ends * HAMAKER * (RADIUS / 2.0) / (6.0 * (h + gap_0) ** 2)
+    assert pull(gap, sticky()) == near(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("changes, reach", [({}, 2e-5), ({"attraction_range": 0.05}, 5e-4)])
+def test_it_ends_smoothly_at_ten_ranges(changes, reach):
+    parameters = sticky(**changes)
+    assert float(VanDerWaals().reach(parameters)) == near(reach, rel=1e-12)
+    before, after = (pull(share * reach, parameters) for share in (0.99, 1.001))
+    assert 0.0 < before < 1e-5 * PULL_OFF and after == 0.0
+
+
+@pytest.mark.parametrize(
+    "changes, factor",
+    [
+        ({}, 2.0),
+        ({"wall_layer_thickness": 3.0 * LAYER}, 2.0 / 4.0),
+        ({"hamaker": HAMAKER * np.array([[1.0, 3.0], [3.0, 0.0]])}, 6.0),
+    ],
+)
+def test_a_wall_has_twice_the_effective_radius_and_a_layer_of_its_own(changes, factor):
+    parameters = sticky(**changes)
+    assert pull(0.0, parameters, wall=True) == near(factor * PULL_OFF, rel=1e-9)
+    assert pull(0.0, parameters) == near(PULL_OFF, rel=1e-9)
+
+
+def test_a_stated_range_changes_the_tail_and_not_the_pull_off():
+    """Half the pull-off force is reached at (sqrt 2 - 1) ranges, in radii; walls included."""
+    soft = sticky(attraction_range=0.02)
+    half = (np.sqrt(2.0) - 1.0) * 0.02 * RADIUS
+    for wall, size in ((False, PULL_OFF), (True, 2.0 * PULL_OFF)):
+        assert pull(-1e-6, soft, wall) == near(size, rel=1e-9)
+        assert pull(half, soft, wall) == near(0.5 * size, rel=1e-5)
+    in_contact_only = sticky(attraction_range=0.0)
+    assert pull(-1e-6, in_contact_only) == near(PULL_OFF, rel=1e-9)
+    assert pull(1e-9, in_contact_only) == 0.0 == VanDerWaals().reach(in_contact_only)
+
+
+def test_layers_sizes_and_walls_count_in_the_sum_over_all_pairs():
+    """Two spheres that differ touch each other, the first the floor; the numbers are by pair."""
+    radius, layer = np.array([1.0, 0.5]) * RADIUS, np.array([1.0, 3.0]) * LAYER
+    state = mrjax.place([[MIDDLE, MIDDLE, RADIUS], [MIDDLE, MIDDLE, 2.5 * RADIUS]])
+    parameters = sticky(radius=radius, layer_thickness=layer)
+    forces, torques = mrjax.contact_forces(state, parameters, ROOM, forces=[VanDerWaals()])
+    between = HAMAKER * (RADIUS / 3.0) / (6.0 * (4.0 * LAYER) ** 2)
+    expected = [[0.0, 0.0, between - 2.0 * PULL_OFF], [0.0, 0.0, -between]]
+    np.testing.assert_allclose(forces, expected, rtol=1e-9, atol=1e-20)
+    assert not np.any(torques)
+
+
+def test_a_pair_rests_at_the_overlap_of_dmt():
+    """delta = (3 F_c / (4 E* sqrt R*))^(2/3)."""
+    parameters = sticky()
+    modulus = 1e7 / (2.0 * (1.0 - 0.3**2))
+    rest = (3.0 * PULL_OFF / (4.0 * modulus * np.sqrt(RADIUS / 2.0))) ** (2 / 3)
+    contact = Contact().active(parameters)
+    for share, side in ((0.999, 1.0), (1.001, -1.0)):
+        net = sum(pull(-share * rest, parameters, law=law) for law in (contact, VanDerWaals()))
+        assert side * net > 0.0
+
+
+def test_friction_and_rolling_feel_the_pull_off_force():
+    """At the limits mu (N + 2 F_c) and mu_r R* (N + 2 F_c), with N = F_Hertz - F_c; not apart."""
+    parameters = sticky(friction=0.3, rolling_friction=0.2)
+    _, contact, _ = active_forces(None, parameters)
+    surfaces = effective.SurfacePairs.by_kind(False, mrjax.particle.coated_particle(parameters))
+    own = jax.tree.map(jnp.ravel, contact.coefficients(parameters, surfaces))
+    still, zero = (jnp.zeros(1),) * 3, jnp.zeros(1)
+    blank = {"sliding": still, "rolling": still}
+    for overlap in (1e-6, -1e-9):
+        sides = [
+            ParticleState(still, (zero, zero + way, zero), (zero, zero, zero + way), r, still)
+            for way, r in ((1.0, jnp.full(1, RADIUS)), (-1.0, jnp.full(1, RADIUS)))
+        ]
+        between = (jnp.full(1, 2.0 * RADIUS - overlap), zero, zero)
+        kinematics = pair_kinematics(*sides, between, jnp.full(1, -1))
+        wrench, memory = contact(kinematics, own, blank, 1e-2)
+        pressing = float(normal.normal_force(overlap, 0.0, own.modulus[0], own.radius[0], 1.0))
+        pressing += PULL_OFF if overlap > 0.0 else 0.0
+        sliding = np.linalg.norm(np.ravel(wrench.force[1:]))
+        assert sliding == near(0.3 * pressing, rel=1e-9)
+        turning = 0.5 * (np.ravel(wrench.torque) - np.ravel(wrench.partner_torque))
+        assert np.linalg.norm(turning) == near(0.2 * RADIUS / 2.0 * pressing, rel=1e-9)
+        assert np.any(memory["sliding"]) == np.any(memory["rolling"]) == (overlap > 0.0)
+
+
+# --- runs -----------------------------------------------------------------------------------------
+
+
+def hanging_chains(bond_numbers, parameters, box):
+    """Chains of 1, 3 and 10 spheres below the lid, at rest if they hold; the chain of each."""
+    weight = float(mrjax.particle.net_weight(parameters))
+    plane = float(parameters.elastic_modulus) / (1.0 - float(parameters.poisson_ratio) ** 2)
+    position, chain = [], []
+    for number, (spheres, bond_number) in enumerate(zip(LENGTHS, bond_numbers, strict=True)):
+        z = box.height + RADIUS
+        for above in range(spheres):
+            modulus, radius = (plane / 2.0, RADIUS / 2.0) if above else (plane, RADIUS)
+            load = max(0.0, (bond_number - (spheres - above)) * weight)
+            overlap = (3.0 * load / (4.0 * modulus * np.sqrt(radius))) ** (2 / 3)
+            z -= 2.0 * RADIUS - overlap
+            position.append([(2.0 + 3.0 * number) * RADIUS, MIDDLE, z])
+            chain.append(number)
+    return mrjax.place(position, contact_diameter=2.0 * RADIUS), np.array(chain)
+
+
+LENGTHS = (1, 3, 10)
+
+
+def test_chains_that_hang_from_the_lid_break_at_as_many_spheres_as_the_bond_number():
+    """The contact with the lid bears them all; its pull-off force is that of two spheres."""
+    box = mrjax.Box((1e-2, 1e-2, 2.2e-2))
+    oil = glass(elastic_modulus=1e6, viscosity=1.0, fluid_density=900.0, gravity=9.81).astype(float)
+    weight = float(mrjax.particle.net_weight(oil))
+
+    def sinks_by(share):
+        bond_numbers = share * np.array(LENGTHS)
+        chains, number = hanging_chains(bond_numbers, oil, box)
+        layer = LAYER * np.sqrt(PULL_OFF / (bond_numbers[number] * weight))
+        table = np.array([[HAMAKER, HAMAKER / 2.0], [HAMAKER / 2.0, 0.0]])
+        bonded = oil.replace(hamaker=table, layer_thickness=layer, attraction_range=0.01)
+        np.testing.assert_allclose(mrjax.bond_number(bonded), bond_numbers[number], rtol=1e-12)
+        run = mrjax.simulate(chains, bonded.astype(float), box, duration=0.1, time_step=5e-5)
+        return np.asarray(chains.position[:, 2] - run.state.position[:, 2]) / RADIUS
+
+    assert np.abs(sinks_by(1.02)).max() < 1e-3
+    assert sinks_by(0.98).min() > 0.2
+
+
+@pytest.fixture(scope="module", params=[125, pytest.param(1000, marks=pytest.mark.slow)])
+def impacts(request):
+    """Pairs, far from each other, that meet at random angles, speeds and spins.
+
+    One half has a restitution of 0.7, the other of 0.95.
+    """
+    count, spacing, box = request.param, 20.0 * RADIUS, round(request.param ** (1 / 3))
+    rng = np.random.default_rng(0)
+    cell = np.stack(np.unravel_index(np.arange(count), (box,) * 3), axis=1)
+    middle = (cell + 0.5) * spacing
+    towards = rng.normal(size=(count, 3))
+    towards /= np.linalg.norm(towards, axis=1, keepdims=True)
+    aside = np.cross(towards, rng.normal(size=(count, 3)))
+    speed = 10.0 ** rng.uniform(-2.0, -1.0, (count, 1))
+    velocity = speed * (towards + 0.3 * aside)
+    spin = 0.3 * np.tile(speed, (2, 1)) / RADIUS * rng.normal(size=(2 * count, 3))
+    position = [middle - 1.1 * RADIUS * towards, middle + 1.1 * RADIUS * towards]
+    state = mrjax.place(
+        np.concatenate(position),
+        np.concatenate([velocity, -velocity]),
+        spin,
+        materials=np.tile(np.arange(count) % 2, 2),
+        contact_diameter=2.0 * RADIUS,
+    )
+    restitution = np.array([[0.7, 0.7, 1.0], [0.7, 0.95, 1.0], [1.0, 1.0, 1.0]])
+    dry = sticky(
+        **DRY,
+        elastic_modulus=1e6,
+        restitution=restitution,
+        friction=0.3,
+        rolling_friction=0.05,
+        attraction_range=0.02,
+    )
+    room = mrjax.Box((box * spacing,) * 3, (True,) * 3)
+    run = mrjax.simulate(state, dry, room, duration=0.03, frames=20, trajectory=True)
+    return state, dry, run
+
+
+def energies(parameters, position, velocity, spin):
+    """Kinetic energy of pairs with that of their normal forces, which is 0 far apart; (P,)."""
+    mass = float(mrjax.particle.mass(parameters))
+    moving = 0.5 * mass * (velocity**2).sum(-1) + 0.2 * mass * RADIUS**2 * (spin**2).sum(-1)
+    count = len(position) // 2
+    gap = np.linalg.norm(position[:count] - position[count:], axis=1) - 2.0 * RADIUS
+    modulus = 1e6 / (2.0 * (1.0 - 0.3**2))
+    hertz = 8.0 / 15.0 * modulus * np.sqrt(RADIUS / 2.0) * np.maximum(-gap, 0.0) ** 2.5
+    h = np.linspace(0.0, 0.2 * RADIUS, 20001)
+    force = np.asarray(attraction(h, PULL_OFF, 0.02 * RADIUS))
+    work = np.concatenate([[0.0], np.cumsum(0.5 * (force[1:] + force[:-1]) * np.diff(h))])
+    bond = np.interp(gap, h, work - work[-1]) + PULL_OFF * np.minimum(gap, 0.0)
+    return moving[:count] + moving[count:] + hertz + bond
+
+
+def test_impacts_stick_or_rebound_and_gain_no_energy(impacts):
+    state, dry, run = impacts
+    count = len(state.position) // 2
+    trajectory = jax.tree.map(np.asarray, run.trajectory)
+    assert all(np.isfinite(part).all() for part in jax.tree.leaves(trajectory))
+    momentum = trajectory.velocity[:, :count] + trajectory.velocity[:, count:]
+    assert np.abs(momentum).max() < 1e-12 * np.abs(state.velocity).max()
+    distance = np.linalg.norm(
+        trajectory.position[-1, :count] - trajectory.position[-1, count:], axis=1
+    )
+    stuck = distance < 2.0 * RADIUS
+    assert 0.05 * count < stuck.sum() < 0.5 * count
+    moments = zip(trajectory.position, trajectory.velocity, trajectory.spin, strict=True)
+    over_time = np.array([energies(dry, *moment) for moment in moments])
+    impact = over_time[0]
+    assert ((over_time - impact) / impact).max() < 1e-3
+
+
+# --- derivatives ----------------------------------------------------------------------------------
+
+COEFFICIENTS = ("hamaker", "layer_thickness", "wall_layer_thickness", "attraction_range")
+TRIO = mrjax.place(
+    [[4e-3, MIDDLE, 1.05e-3], [4e-3, MIDDLE, 3.02e-3], [6.04e-3, MIDDLE, 3.5e-3]],
+    [[0.0, 0.0, 0.0], [1e-3, 0.0, 0.0], [0.0, 1e-3, 0.0]],
+    [[0.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 0.0]],
+    contact_diameter=2.0 * RADIUS,
+)
+
+OIL = sticky(
+    viscosity=1.0,
+    fluid_density=900.0,
+    gravity=9.81,
+    friction=0.3,
+    elastic_modulus=1e6,
+    attraction_range=0.05,
+)
+
+
+@jax.jit
+def end(values):
+    """A smooth function of the end of a run in which the first two touch and slide."""
+    return _end(*values)
+
+
+def _end(*values):
+    named = dict(zip(COEFFICIENTS[: len(values)], values, strict=True))
+    oil = OIL.replace(**named)
+    run = mrjax.simulate(TRIO, oil, ROOM, duration=3e-3, time_step=3e-5)
+    return 1e3 * jnp.sum(run.state.position[:, 2]) + 1e-2 * run.state.spin[0, 1]
+
+
+def test_gradients_by_coefficients_are_central_differences_in_both_modes():
+    values = jnp.array([HAMAKER, LAYER, 2.0 * LAYER])
+    slopes = np.asarray(jax.grad(end)(values))
+    _, forward = jax.jvp(end, (values,), (values,))
+    assert float(forward) == near(float(slopes @ values), rel=1e-9)
+    for n, value in enumerate(values):
+        step = 1e-3 * value * jnp.eye(3)[n]
+        near_by, far = (float(end(values + k * step) - end(values - k * step)) for k in (1, 2))
+        slope = (8.0 * near_by - far) / (12.0 * 1e-3 * float(value))
+        assert slopes[n] == near(slope, rel=1e-5) and slope != 0.0
+    without = jax.grad(end)(jnp.array([0.0, LAYER, LAYER]))
+    assert np.isfinite(without).all() and without[0] != 0.0 == without[1]
+
+
+@pytest.mark.slow
+def test_the_gradient_by_the_range_is_a_central_difference():
+    def at(range_):
+        return _end(HAMAKER, LAYER, 2.0 * LAYER, range_)
+
+    slope = float(jax.grad(at)(0.05))
+    assert slope == near(float(at(0.0501) - at(0.0499)) / 2e-4, rel=1e-5)
+
+
+def test_the_range_fixes_the_neighbour_list():
+    with pytest.raises(mrjax.InputError, match="the reach of VanDerWaals is traced"):
+        jax.jit(lambda range_: _end(HAMAKER, LAYER, LAYER, range_))(0.05)
+
+
+def test_second_derivatives_are_finite_at_contact_at_the_cut_off_and_without_attraction():
+
+    @jax.jit
+    @jax.vmap
+    def derivatives(at):
+        slope = jax.grad(lambda values: attraction(*values))
+        return slope(at), jax.jacfwd(slope)(at)
+
+    gaps = np.array([-1e-6, 0.0, 1e-5, CUT_OFF * 1e-5, 1.0])
+    for size in (0.0, PULL_OFF):
+        values = jnp.stack([gaps, np.full(5, size), np.full(5, 1e-5)], axis=1)
+        first, second = derivatives(values)
+        assert np.isfinite(first).all() and np.isfinite(second).all()
+        assert first[2, 1] > 0.2
+        assert np.abs(first[3:]).max() < 1e-25 and np.abs(second[3:]).max() < 1e-9
+
+
+# --- in the list of forces ------------------------------------------------------------------------
+
+
+def test_it_is_in_the_default_list_unless_its_coefficient_is_zero():
+    kinds = [type(force) for force in active_forces(None, sticky())]
+    assert kinds == [mrjax.Gravity, Contact, VanDerWaals]
+    for hamaker in (None, 0.0, np.zeros((2, 2))):
+        _, contact = active_forces(None, sticky(hamaker=hamaker))
+        assert contact == Contact(ActiveLaws(sliding=False, rolling=False, damped=False))
+    _, alone = active_forces([mrjax.Gravity(), Contact()], sticky())
+    assert not alone.laws.attracted
+
+
+def test_a_missing_coefficient_is_refused():
+    with pytest.raises(mrjax.InputError, match="layer_thickness is missing"):
+        active_forces(None, sticky(layer_thickness=None))
+    with pytest.raises(mrjax.InputError, match="hamaker is missing"):
+        mrjax.bond_number(glass(layer_thickness=LAYER))
+    with pytest.raises(mrjax.InputError, match=r"layer_thickness = 0\.0 must be above 0"):
+        mrjax.contact_forces(TRIO, sticky(layer_thickness=0.0), ROOM)
