@@ -19,6 +19,7 @@ from .continuum.column_file import save_column as save_column
 from .continuum.compression import Compression as Compression
 from .continuum.sizes.column import PolydisperseColumn as PolydisperseColumn
 from .continuum.sizes.column import polydisperse_column as polydisperse_column
+from .continuum.tilt import Tilt as Tilt
 from .core.box import Box as Box
 from .core.errors import InputError as InputError
 from .core.errors import SimulationError as SimulationError

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from calibrate.experiment import plausibility
 from calibrate.experiment.sample import Sample
-from calibrate.experiment.sheets import ExperimentSheet
-from calibrate.experiment.suspension import BED, CLOSURE, COMPRESSION, refuse_unknown
+from calibrate.experiment.sheets import ExperimentSheet, SampleSheet
+from calibrate.experiment.suspension import BED, CLOSURE, COMPRESSION, TILT, refuse_unknown
 from mrjax import InputError
 from mrjax.core.errors import shown
 
@@ -19,7 +19,8 @@ def refuse_parameters(sheet: ExperimentSheet, samples: tuple[Sample, ...], sourc
             names_of[name].append(parameter.name)
     recipes = {id(sample.recipe): sample.recipe for sample in samples}
     leaves = {key: recipe.parameters() for key, recipe in recipes.items()}
-    for sample in samples:
+    for table, sample in zip(sheet.sample, samples, strict=True):
+        _refuse_tilt(table, sample, names_of[sample.name], source)
         _refuse_tube(sample, names_of[sample.name], source)
         for name in names_of[sample.name]:
             try:
@@ -53,6 +54,23 @@ def _refuse_tube(sample: Sample, names: list[str], source: str) -> None:
                 f"{named}: a {word} and a yield stress that grows are not combined; leave one of "
                 "them out"
             )
+
+
+def _refuse_tilt(sheet: SampleSheet, sample: Sample, names: list[str], source: str) -> None:
+    """Refuses a tilt of a tube whose height or gap is not known."""
+    if TILT not in {*names, *sample.tube}:
+        return
+    named = f"{source}: sample {shown(sample.name)}"
+    if sample.gap is None:
+        raise InputError(
+            f"{named}: a tilt needs the gap of the tube; state gap in [sample.tube] in m, or the "
+            "tube_diameter of a round one"
+        )
+    if sheet.height is None:
+        raise InputError(
+            f"{named}: height is missing; give that of the suspension along its tube in m, which a "
+            "tilt needs"
+        )
 
 
 def _refuse_twice(name: str, sample: Sample, names: list[str]) -> None:

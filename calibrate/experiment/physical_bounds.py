@@ -9,7 +9,7 @@ from typing import Any
 from calibrate.experiment.experiment import Experiment
 from calibrate.experiment.free_parameters import FreeParameter
 from calibrate.experiment.sample import Sample
-from calibrate.experiment.suspension import BED, CLOSURE
+from calibrate.experiment.suspension import BED, CLOSURE, LARGEST_TILT, TILT
 from mrjax.laws import drag
 from mrjax.laws.closures.carman_kozeny import SPARSEST_PACKING
 from mrjax.recipe.plausibility import LARGEST_BOX
@@ -55,6 +55,7 @@ TUBE_BOUNDS = {
     "compression.stress": (1e-6, 1e9),
     "compression.exponent": (0.1, 100.0),
     "delay": (1e-3, 1e9),
+    TILT: (1e-3, LARGEST_TILT),
 }
 """Bounds of the quantities of a tube, in SI."""
 DENSER = 1e-3

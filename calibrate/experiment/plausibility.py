@@ -15,6 +15,7 @@ from calibrate.experiment.sample import Measurement, Sample
 from calibrate.experiment.suspension import Suspension
 from calibrate.experiment.units import CURVES, TIME_UNITS, VOLUME_UNITS
 from mrjax import InputError, Recipe, terminal_velocity
+from mrjax.continuum import tilt
 from mrjax.laws import yield_stress
 from mrjax.recipe.plausibility import RANDOM_CLOSE_PACKING
 
@@ -27,6 +28,8 @@ ABSURD = 1e3
 """Ratio of a measured speed to that of the recipe above which the unit is doubted."""
 DENSER_THAN_BED = 1.2
 """Factor on the volume fraction of the bed at rest beyond which a concentration is odd."""
+STEADY = ("final_ratio", "viscosity_ratio")
+"""Measurements that the tilt of a tube does not change."""
 FASTER_AT_FIRST = 100.0
 """Factor on the speed of a single particle up to which a suspension may fall before its first
 reading."""
@@ -208,6 +211,7 @@ def oddities(samples: Sequence[Sample], suspensions: Iterable[Suspension]) -> It
     for sample, suspension in zip(samples, suspensions, strict=True):
         yield from _absurd_speed(sample, suspension)
         yield from _denser_than_bed(sample, suspension)
+        yield from _narrow(sample, suspension)
     for number, sample in enumerate(samples):
         for other in samples[:number]:
             if _readings(sample) == _readings(other):
@@ -277,6 +281,15 @@ def _denser_than_bed(sample: Sample, suspension: Suspension) -> Iterator[str]:
                 f"fraction {largest.value * largest.si:.3g} is far above that of the bed at rest, "
                 f"{bed:.3g}: check concentration, densities and bed_fraction"
             )
+
+
+def _narrow(sample: Sample, suspension: Suspension) -> Iterator[str]:
+    """A warning about a tall, narrow tube that is taken as upright, and has a curve or a speed."""
+    timed = any(measurement.observable not in STEADY for measurement in sample.measurements)
+    if sample.gap is None or suspension.tilt is not None or not timed:
+        return
+    if warning := tilt.warning(sample.height, sample.gap):
+        yield f"sample {sample.name!r}: {warning}"
 
 
 def _expected(suspension: Suspension) -> float:

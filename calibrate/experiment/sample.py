@@ -145,6 +145,9 @@ class Sample:
     mudline_threshold: float = 0.5
     """Share of the initial volume fraction that the suspension below the mudline exceeds, for
     particles of several sizes."""
+    gap: float | None = None
+    """Distance of the upper from the lower wall of its tube, should that lean; m. None if it is not
+    known."""
 
     @property
     def readings_of_curve(self) -> tuple[Measurement, ...]:

@@ -5,10 +5,12 @@ from pathlib import Path
 from calibrate.experiment import curve, local_table, velocity_table
 from calibrate.experiment.sample import LocalTable, Measurement, Sample
 from calibrate.experiment.sheets import SampleSheet
+from calibrate.experiment.suspension import TILT
 from calibrate.experiment.units import RATIO_UNITS
 from calibrate.experiment.velocity_table import VelocityTable
 from calibrate.experiment.velocity_units import velocity_unit
 from mrjax import InputError, Recipe
+from mrjax.continuum.tilt import gap_of_round_tube
 from mrjax.core.errors import shown
 from mrjax.io import reading
 
@@ -71,6 +73,7 @@ def read_sample(
         tuple(tables),
         _tube(sheet),
         sheet.mudline_threshold,
+        _gap(sheet),
     )
 
 
@@ -105,12 +108,19 @@ def _concentrations(
 
 def _tube(sheet: SampleSheet) -> dict[str, float]:
     """The stated quantities of the tube, by name."""
-    stated = {"delay": sheet.delay}
+    stated = {"delay": sheet.delay, TILT: sheet.tube.tilt if sheet.tube else None}
     if sheet.compression is not None:
         stated |= {
             f"compression.{name}": value for name, value in sheet.compression.model_dump().items()
         }
     return {name: value for name, value in stated.items() if value is not None}
+
+
+def _gap(sheet: SampleSheet) -> float | None:
+    """The gap of the tube, stated or that of a round one, m; None if it is not known."""
+    if sheet.tube is not None and sheet.tube.gap is not None:
+        return sheet.tube.gap
+    return None if sheet.tube_diameter is None else gap_of_round_tube(sheet.tube_diameter)
 
 
 def _recipe(sheet: SampleSheet, folder: Path, source: str, recipes: dict[Path, Recipe]) -> Recipe:

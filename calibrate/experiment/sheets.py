@@ -7,6 +7,7 @@ from pydantic import Field, field_validator, model_validator
 
 from calibrate.experiment.free_parameters import ParameterSheet
 from calibrate.experiment.readings.sheet import CurveSheet, LocalSheet, VelocitiesSheet
+from calibrate.experiment.suspension import LARGEST_TILT
 from calibrate.experiment.units import RATIO_UNITS, one_of
 from calibrate.experiment.velocity_units import EXAMPLES, OF_VELOCITY
 from mrjax.core.errors import shown
@@ -63,6 +64,22 @@ class CompressionSheet(Sheet):
     exponent: float | None = Field(default=None, gt=0, description="its exponent, above zero")
 
 
+class TubeSheet(Sheet):
+    """The tube of a sample, if it leans."""
+
+    tilt: float | None = Field(
+        default=None,
+        ge=0,
+        le=LARGEST_TILT,
+        description=f"its angle from the vertical in degrees, from 0 to {LARGEST_TILT:g}",
+    )
+    gap: float | None = Field(
+        default=None,
+        gt=0,
+        description="the distance of its upper from its lower wall in m, above zero",
+    )
+
+
 class SampleSheet(Sheet):
     """One suspension that was measured."""
 
@@ -80,6 +97,9 @@ class SampleSheet(Sheet):
     )
     compression: CompressionSheet | None = Field(
         default=None, description="a table with gel_fraction, stress and exponent of a bed"
+    )
+    tube: TubeSheet | None = Field(
+        default=None, description="a table with tilt and gap of a tube that leans"
     )
     delay: float | None = Field(
         default=None, gt=0, description="the time scale of aggregation at the start in s, above 0"

@@ -20,7 +20,10 @@ CLOSURE = "f_w."
 """Prefix of the name of a coefficient of the closure: `f_w.exponent`."""
 COMPRESSION = ("compression.gel_fraction", "compression.stress", "compression.exponent")
 """The coefficients of a yielding bed."""
-TUBE = (*COMPRESSION, "delay")
+TILT = "tilt"
+LARGEST_TILT = 60.0
+"""Tilt of a tube, degrees, up to which its rate of settling is known."""
+TUBE = (*COMPRESSION, "delay", TILT)
 """Quantities of a tube beside the volume fraction of its bed."""
 DENSEST = 0.74
 """Volume fraction that a yielding bed does not exceed, unless stated: the closest packing of equal
@@ -49,6 +52,8 @@ class Suspension:
     """Effective solid stress of the bed; None for a rigid bed."""
     delay: ArrayLike | None = None
     """Time scale of aggregation at the start, s, (); None without a delay."""
+    tilt: ArrayLike | None = None
+    """Angle of the tube from the vertical, degrees, (); None for an upright tube."""
 
     def at(self, volume_fraction: ArrayLike) -> "Suspension":
         """The same particles in another amount of fluid.
@@ -103,6 +108,7 @@ def suspension(
         closure,
         compression,
         changes.get("delay"),
+        changes.get(TILT),
     )
 
 

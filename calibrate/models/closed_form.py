@@ -13,14 +13,16 @@ from calibrate.models.prediction import (
     ForwardModel,
     Layers,
     Prediction,
-    effective_layers,
     effective_times,
-    last_time,
+    forever,
+    layers,
     prediction,
     refuse_yielding,
     terminal_velocities,
+    tilt_of,
 )
 from mrjax.continuum.layers import layer_ends
+from mrjax.continuum.tilt import Tilt, clock_times
 
 
 def closed_form(
@@ -44,23 +46,53 @@ def closed_form(
     bed = simulated_fraction(sample, near, seed, varied, checkpoint)
     reading_times = jnp.asarray(sample.times, float)
 
+    def upright_times(suspension: Suspension, velocity: Array, times: Array) -> Array:
+        """The times at which an upright tube without delay or ageing has the same state."""
+        tilt, times = tilt_of(sample, suspension), effective_times(suspension, times)
+        if tilt is None:
+            return times
+        share = suspension.volume_fraction / jnp.asarray(fraction_of_bed(suspension, bed))
+        return straight_clock(times, tilt, sample.height, velocity, share)
+
     def predict(suspension: Suspension, times: Array = reading_times) -> Prediction:
-        times = effective_times(suspension, times)
         velocity = jnp.mean(mrjax.terminal_velocity(suspension.parameters))
         final = final_ratio(suspension, bed)
         if suspension.parameters.yield_growth is not None:
-            final = jnp.maximum(final, 1.0 - velocity * last_time(suspension) / sample.height)
+            end = upright_times(suspension, velocity, forever())[0]
+            final = jnp.maximum(final, 1.0 - velocity * end / sample.height)
+        times = upright_times(suspension, velocity, times)
         ratio = jnp.maximum(1.0 - velocity * times / sample.height, final)
         velocities = terminal_velocities(sample, suspension)
         local = jnp.zeros(0)
         if sample.points:
             fractions = suspension.volume_fraction, jnp.asarray(fraction_of_bed(suspension, bed))
-            measured = effective_layers(sample, suspension)
+            measured = layers(sample)
+            measured = measured._replace(times=upright_times(suspension, velocity, measured.times))
             coated = mean_fraction(*fractions, velocity, sample.height, measured)
             local = coated / suspension.parameters.f_r**3
         return prediction(sample, suspension, velocity, final, ratio, velocities, local)
 
     return predict
+
+
+def straight_clock(times: Array, tilt: Tilt, height: float, velocity: Array, share: Array) -> Array:
+    """Times at which an upright tube has the state of a tilted one; s, (T,).
+
+    Args:
+      times: times of the tilted tube, s, (T,).
+      tilt: tilt and gap of the tube.
+      height: H, m.
+      velocity: v, m/s, ().
+      share: phi_0 / phi_bed, ().
+    """
+    last = jnp.max(times, initial=0.0) * tilt.rate(height)
+    moves = velocity > 0.0
+    meeting = height * (1.0 - share) / jnp.where(moves, velocity, 1.0)
+    nodes = jnp.stack(
+        [jnp.zeros_like(last), jnp.minimum(jnp.where(moves, meeting, last), last), last]
+    )
+    length = height * jnp.maximum(1.0 - nodes / meeting, 0.0)
+    return clock_times(times, tilt, nodes, jnp.where(moves, length, height))
 
 
 def mean_fraction(

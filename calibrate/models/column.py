@@ -14,11 +14,12 @@ from calibrate.models.polydisperse import has_several_sizes, polydisperse
 from calibrate.models.prediction import (
     ForwardModel,
     Prediction,
-    effective_layers,
     effective_times,
-    last_time,
+    forever,
+    layers,
     prediction,
     terminal_velocities,
+    tilt_of,
 )
 from calibrate.models.yielding import yielding
 from mrjax.continuum import characteristics, column_checks, kynch
@@ -49,6 +50,13 @@ def column(
     bed = simulated_fraction(sample, near, seed, varied, checkpoint)
     reading_times, height = jnp.asarray(sample.times, float), jnp.asarray(sample.height, float)
 
+    def upright_times(suspension: Suspension, flux: kynch.Table, times: Array) -> Array:
+        """The times at which an upright tube without delay or ageing has the same state; s."""
+        tilt, times = tilt_of(sample, suspension), effective_times(suspension, times)
+        if tilt is None:
+            return times
+        return characteristics.tilted_times(flux, height, times, tilt)
+
     def flux_of(suspension: Suspension) -> kynch.Table:
         densest = jnp.asarray(fraction_of_bed(suspension, bed), float)
         initial = suspension.volume_fraction
@@ -67,14 +75,15 @@ def column(
             # A factor, not a `where`: so derivatives are NaN, too.
             possible = jnp.where(column_checks.settles(flux), 1.0, jnp.nan)
             if suspension.parameters.yield_growth is not None:
-                end = characteristics.mudline(flux, height, last_time(suspension)[None])[0]
-                final = possible * end / height
+                last = upright_times(suspension, flux, forever())
+                final = possible * characteristics.mudline(flux, height, last)[0] / height
         if sample.times:
-            effective = effective_times(suspension, times)
+            effective = upright_times(suspension, flux, times)
             ratio = possible * characteristics.mudline(flux, height, effective) / height
         if sample.points:
-            measured = effective_layers(sample, suspension)
-            coated = characteristics.mean_fraction(flux, height, *measured)
+            at = layers(sample)
+            effective = upright_times(suspension, flux, at.times)
+            coated = characteristics.mean_fraction(flux, height, at.levels, effective, at.thickness)
             local = possible * coated / suspension.parameters.f_r**3
         velocities = terminal_velocities(sample, suspension)
         return prediction(sample, suspension, velocity, final, ratio, velocities, local)

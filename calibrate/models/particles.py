@@ -38,11 +38,12 @@ def particles(
     falling = mrjax.terminal_velocity(near.parameters)
     reading_times = jnp.asarray(sample.times, float)
     refuse_yielding(sample, near, "particles")
-    if near.delay is not None:
-        raise InputError(
-            f"sample {sample.name!r}: the model particles has no delay; fit with column or "
-            "closed-form"
-        )
+    for word, value in (("delay", near.delay), ("tilt", near.tilt)):
+        if value is not None:
+            raise InputError(
+                f"sample {sample.name!r}: the model particles has no {word}; fit with column or "
+                "closed-form"
+            )
     if sample.times and near.bed_fraction is not None:
         raise InputError(
             f"sample {sample.name!r}: particles of a curve pack to a volume fraction of their own; "

@@ -18,6 +18,7 @@ from calibrate.models.prediction import (
     layers,
     prediction,
     refuse_yielding,
+    tilt_of,
     without_delay,
 )
 from mrjax.continuum.layers import layer_ends
@@ -61,7 +62,9 @@ def polydisperse(
         measurement.observable == "initial_velocity" for measurement in sample.measurements
     )
 
-    def tube(suspension: Suspension, times: Array, cells: int = CELLS) -> mrjax.PolydisperseColumn:
+    def tube(
+        suspension: Suspension, times: Array, tilt: mrjax.Tilt | None = None, cells: int = CELLS
+    ) -> mrjax.PolydisperseColumn:
         densest = fraction_of_bed(suspension, bed)
         return mrjax.polydisperse_column(
             parameters_of(classes, suspension),
@@ -71,6 +74,7 @@ def polydisperse(
             times=times,
             hindrance=suspension.hindrance,
             threshold=sample.mudline_threshold,
+            tilt=tilt,
             cells=cells,
         )
 
@@ -89,7 +93,9 @@ def polydisperse(
     def predict(suspension: Suspension, times: Array = reading_times) -> Prediction:
         ratio, local, velocities = jnp.zeros(0), jnp.zeros(0), jnp.zeros(0)
         if sample.times:
-            ratio = tube(suspension, without_delay(suspension, times)).sedimentation_ratio
+            ratio = tube(
+                suspension, without_delay(suspension, times), tilt_of(sample, suspension)
+            ).sedimentation_ratio
         if sample.points:
             coated = _mean_fractions(sample, suspension, tube)
             local = coated / suspension.parameters.f_r**3
@@ -135,7 +141,8 @@ def _mean_fractions(
     layer = layers(sample)
     times, place = np.unique([point.time for point in sample.points], return_inverse=True)
     effective = without_delay(suspension, jnp.asarray(times))
-    profiles = tube(suspension, effective).volume_fraction[jnp.asarray(place)]
+    settled = tube(suspension, effective, tilt_of(sample, suspension))
+    profiles = settled.volume_fraction[jnp.asarray(place)]
     cell = sample.height / profiles.shape[1]
     low, high = layer_ends(layer.levels, layer.thickness, sample.height)
     below_low, below_high = (

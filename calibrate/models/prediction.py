@@ -12,6 +12,7 @@ from calibrate.experiment.sample import Sample
 from calibrate.experiment.suspension import Suspension
 from mrjax import InputError, terminal_velocity
 from mrjax.continuum.clock import delayed_times
+from mrjax.continuum.tilt import Tilt
 from mrjax.laws import yield_stress
 
 Prediction = dict[str, Array]
@@ -56,10 +57,14 @@ def without_delay(suspension: Suspension, times: Array) -> Array:
     return times if suspension.delay is None else delayed_times(times, suspension.delay)
 
 
-def effective_layers(sample: Sample, suspension: Suspension) -> Layers:
-    """The measured layers, at the times at which a tube without delay or ageing is the same."""
-    measured = layers(sample)
-    return measured._replace(times=effective_times(suspension, measured.times))
+def tilt_of(sample: Sample, suspension: Suspension) -> Tilt | None:
+    """The tilt of the tube of a sample; None for an upright tube, and without a tube's gap.
+
+    A recipe that is only predicted has no tube.
+    """
+    if suspension.tilt is None or sample.gap is None:
+        return None
+    return Tilt(angle=suspension.tilt, gap=sample.gap)
 
 
 def refuse_yielding(sample: Sample, near: Suspension, model: str) -> None:
@@ -75,10 +80,9 @@ def refuse_yielding(sample: Sample, near: Suspension, model: str) -> None:
         )
 
 
-def last_time(suspension: Suspension) -> Array:
-    """The effective time at which an ageing carrier has stopped every particle; s, ()."""
-    forever = jnp.full(1, yield_stress.FOREVER)
-    return yield_stress.effective_times(suspension.parameters, forever)[0]
+def forever() -> Array:
+    """A time by which an ageing carrier has stopped every particle; s, (1,)."""
+    return jnp.full(1, yield_stress.FOREVER)
 
 
 def terminal_velocities(sample: Sample, suspension: Suspension) -> Array:
@@ -103,17 +107,22 @@ def prediction(
 ) -> Prediction:
     """The prediction of everything that can be measured on a sample.
 
+    A tilt of its tube makes the initial velocities larger.
+
     Args:
       sample: the sample with its measurements.
       suspension: the suspension of the prediction.
-      velocity: initial velocity, () in m/s.
+      velocity: initial velocity in an upright tube, () in m/s.
       final: final height over that of the suspension, ().
       ratio: height over that of the suspension at the sample's times, (T,).
-      velocities: initial velocity at each of the sample's fractions, (K,) in m/s.
+      velocities: the same at each of the sample's fractions, (K,) in m/s.
       concentrations: mean volume fraction of the uncoated particles at each of the sample's points,
         (Q,); None for a model without them.
     """
     local = {} if concentrations is None else {"concentrations": concentrations}
+    tilt = tilt_of(sample, suspension)
+    if tilt is not None:
+        velocity, velocities = (tilt.rate(sample.height) * each for each in (velocity, velocities))
     return local | {
         "initial_velocity": velocity,
         "initial_velocities": velocities,

@@ -14,10 +14,12 @@ from calibrate.models.prediction import (
     layers,
     prediction,
     terminal_velocities,
+    tilt_of,
     without_delay,
 )
 from mrjax import InputError
 from mrjax.continuum import column_checks, consolidation, kynch
+from mrjax.continuum import yielding as yielding_bed
 from mrjax.continuum.case import Case
 
 CELLS = 60
@@ -64,6 +66,7 @@ def yielding(
         compression = suspension.compression
         assert compression is not None
         measured = layers(sample) if sample.points else Layers(*jnp.zeros((3, 0)))
+        tilt = tilt_of(sample, suspension)
         both = without_delay(suspension, jnp.concatenate([times, measured.times]))
         case = Case(
             suspension.parameters,
@@ -73,6 +76,7 @@ def yielding(
             jnp.max(both, initial=0.0)[None],
             suspension.hindrance,
             None,
+            tilt,
         ).as_arrays()
         velocity = mrjax.terminal_velocity(suspension.parameters)
         rest = consolidation.rest_height(case, compression, cells=cells)
@@ -83,7 +87,11 @@ def yielding(
         possible = possible & (compression.gel_fraction < suspension.bed_fraction)
         ratio, local = jnp.zeros(0), jnp.zeros(0)
         if both.size:
-            settled = consolidation.consolidate(case, compression, cells=cells, steps=steps)
+            settled = consolidation.consolidate(
+                yielding_bed.until_last(case), compression, cells=cells, steps=steps
+            )
+            if tilt is not None:
+                both = yielding_bed.tilted_times(case, compression, flux, settled, both)
             possible = possible & settled.solved
             mudline = consolidation.mudline_at(settled, both[: times.size])
             ratio = jnp.minimum(mudline / height, 1.0)

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     Examples:
       mrjax check case2
       mrjax check mine.toml --json
-      mrjax check thick.toml --tube-diameter 0.02
+      mrjax check thick.toml --tube-diameter 0.02 --tube-height 0.2
     """,
 )
 @click.argument("recipe", shell_complete=sheet_names("mrjax.recipe.bundled"))
@@ -35,9 +35,20 @@ if TYPE_CHECKING:
     type=options.Finite(min=0.0, min_open=True),
     help="Inner diameter of the tube in m, whose wall may hold a suspension with a yield stress.",
 )
+@click.option(
+    "--tube-height",
+    type=options.Finite(min=0.0, min_open=True),
+    help="Height of the suspension in that tube in m: a tall, narrow one settles faster if tilted.",
+)
 @options.quiet_option
 @options.json_option
-def check(recipe: str, tube_diameter: float | None, quiet: bool, as_json: bool) -> None:
+def check(
+    recipe: str,
+    tube_diameter: float | None,
+    tube_height: float | None,
+    quiet: bool,
+    as_json: bool,
+) -> None:
     """Prints the derived quantities, notes and warnings of a recipe."""
     environment.start_jax("float64")
     import mrjax
@@ -45,7 +56,8 @@ def check(recipe: str, tube_diameter: float | None, quiet: bool, as_json: bool) 
     from mrjax.simulation import derived
 
     sheet = mrjax.Recipe.load(recipe)
-    quantities, warnings = derived.derived(sheet), derived.warnings(sheet)
+    quantities = derived.derived(sheet)
+    warnings = derived.warnings(sheet, tube_diameter, tube_height)
     notes = derived.notes(sheet, tube_diameter)
     for warning in warnings:
         echo(f"mrjax: warning: {warning}", err=True)

@@ -9,6 +9,7 @@ from jax import Array
 from jax.typing import ArrayLike, DTypeLike
 
 from mrjax.continuum.compression import Compression
+from mrjax.continuum.tilt import Tilt
 from mrjax.core import checks
 from mrjax.core.errors import InputError, shown
 from mrjax.core.parameters import Parameters
@@ -27,6 +28,7 @@ class Case(NamedTuple):
     times: ArrayLike
     hindrance: Hindrance | None
     compression: Compression | None
+    tilt: Tilt | None = None
 
     def as_arrays(self) -> "Case":
         """Returns the case with the closure and the times as trees of arrays.

@@ -19,6 +19,7 @@ from jax import Array, lax
 
 from mrjax.continuum.kynch import INTERVALS, Table
 from mrjax.continuum.layers import layer_ends
+from mrjax.continuum.tilt import Tilt, clock_nodes, clock_times
 
 
 def mudline(flux_table: Table, height: Array, times: Array) -> Array:
@@ -84,6 +85,50 @@ def rest_time(flux_table: Table, height: Array) -> Array:
     fraction, flux = flux_table.fraction[INTERVALS:-1], flux_table.flux[INTERVALS:-1]
     solids = flux_table.initial * height
     return jnp.max(solids * (1.0 - fraction / flux_table.densest) / flux)
+
+
+def bed_front(flux_table: Table, height: Array, times: Array) -> Array:
+    """Returns the height of the top of the bed; m, (T,).
+
+    Args:
+      flux_table: f, in m/s.
+      height: H, m, ().
+      times: times, s, (T,).
+    """
+    fraction, flux = flux_table.fraction[INTERVALS:-1], flux_table.flux[INTERVALS:-1]
+    speed = jnp.min(flux / (flux_table.densest - fraction))
+    return jnp.minimum(speed * times, mudline(flux_table, height, times))
+
+
+def bend_time(flux_table: Table, height: Array) -> Array:
+    """Returns the time at which the first wave from the floor bends the mudline; s, ().
+
+    Args:
+      flux_table: f, in m/s.
+      height: H, m, ().
+    """
+    fraction, flux = flux_table.fraction[INTERVALS:], flux_table.flux[INTERVALS:]
+    wave = jnp.max((flux[0] - flux[1:]) / (fraction[1:] - fraction[0]))
+    return height / (flux[0] / fraction[0] + wave)
+
+
+def tilted_times(flux_table: Table, height: Array, times: Array, tilt: Tilt) -> Array:
+    """Returns the times at which an upright column has the state of a tilted one; s, (T,).
+
+    Args:
+      flux_table: f, in m/s.
+      height: H, m, ().
+      times: times of the tilted column, s, (T,).
+      tilt: tilt and gap of the tube.
+    """
+    bend, rest = bend_time(flux_table, height), rest_time(flux_table, height)
+    last = jnp.max(times, initial=0.0) * tilt.rate(height)
+    # A suspension that stands still has no bend.
+    moves = jnp.isfinite(rest)
+    bend, rest = jnp.where(moves, bend, last), jnp.where(moves, rest, last)
+    nodes = clock_nodes(bend, rest, last)
+    length = mudline(flux_table, height, nodes) - bed_front(flux_table, height, nodes)
+    return clock_times(times, tilt, nodes, length)
 
 
 def _least(values: Array) -> Array:

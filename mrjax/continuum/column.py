@@ -20,6 +20,7 @@ from mrjax.continuum.case import Case
 from mrjax.continuum.compression import Compression
 from mrjax.continuum.profile import Column as Column
 from mrjax.continuum.steps import MOST_STEPS, chosen_steps, fewest_steps
+from mrjax.continuum.tilt import Tilt
 from mrjax.core import checks
 from mrjax.core.errors import InputError
 from mrjax.core.parameters import Parameters
@@ -37,6 +38,7 @@ def column(
     times: ArrayLike,
     hindrance: Hindrance | None = None,
     compression: Compression | None = None,
+    tilt: Tilt | None = None,
     cells: int = 200,
     steps: int | None = None,
 ) -> Column:
@@ -60,6 +62,8 @@ def column(
         phi_m is the volume fraction above which the bed yields no more. The scheme is then that of
         `consolidation`: rest heights are within 1e-4, with exact derivatives, and its cost does not
         depend on the last time.
+      tilt: tilt and gap of the tube, in which the suspension settles faster; heights are then
+        measured along the tube. By default the tube is upright.
       cells: number C of cells of equal height.
       steps: number of steps up to the last of the times, or up to the time at which a rigid bed has
         long been at rest; by default that of `column_steps`. With compression, steps grow after the
@@ -81,7 +85,9 @@ def column(
       >>> (1000 * tube.mudline).round(1)  # 9.116 mm down in a day; at rest after ten days
       Array([90.9, 56.2], dtype=float64)
     """
-    case = Case(parameters, height, volume_fraction, bed_fraction, times, hindrance, compression)
+    case = Case(
+        parameters, height, volume_fraction, bed_fraction, times, hindrance, compression, tilt
+    )
     case, cells, fewest = _check(case, cells)
     steps = (
         chosen_steps(case, cells, fewest)
@@ -112,6 +118,7 @@ def column_steps(
     times: ArrayLike,
     hindrance: Hindrance | None = None,
     compression: Compression | None = None,
+    tilt: Tilt | None = None,
     cells: int = 200,
 ) -> int:
     """Returns a number of steps for `column`.
@@ -130,12 +137,15 @@ def column_steps(
       times: as for `column`.
       hindrance: as for `column`.
       compression: as for `column`.
+      tilt: as for `column`.
       cells: as for `column`.
 
     Raises:
       InputError: an argument cannot be used, or is traced by jit or vmap.
     """
-    case = Case(parameters, height, volume_fraction, bed_fraction, times, hindrance, compression)
+    case = Case(
+        parameters, height, volume_fraction, bed_fraction, times, hindrance, compression, tilt
+    )
     case, cells, fewest = _check(case, cells)
     return chosen_steps(case, cells, fewest)
 

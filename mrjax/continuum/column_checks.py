@@ -14,6 +14,7 @@ from jax.typing import ArrayLike
 
 from mrjax.continuum import kynch
 from mrjax.continuum.case import Case
+from mrjax.continuum.tilt import LARGEST_ANGLE, Tilt
 from mrjax.core import checks
 from mrjax.core.errors import InputError, shown
 from mrjax.core.parameters import Parameters
@@ -73,6 +74,7 @@ def refuse(case: Case) -> None:
         )
     for bound in (*bounds(case), *compression_bounds(case)):
         refuse_number(bound)
+    refuse_tilt(case.tilt)
     refuse_times(case.times)
 
 
@@ -85,7 +87,38 @@ def possible(case: Case, flux: kynch.Table) -> Array:
         within = within & (bound.value > 0.0)
         if bound.limit is not None:
             within = within & (bound.value < bound.limit)
-    return ascending & within & settles(flux)
+    return ascending & within & settles(flux) & tilt_possible(case.tilt)
+
+
+def refuse_tilt(tilt: Tilt | None) -> None:
+    """Refuses a tilt that is none; a traced one passes unchecked.
+
+    Raises:
+      InputError: the angle or the gap is out of its bounds, or no number.
+    """
+    if tilt is None:
+        return
+    checks.require_class(Tilt, tilt=tilt)
+    refuse_number(Bound("tilt.gap", tilt.gap, None, "m"))
+    try:
+        number = checks.numeric(tilt.angle)
+    except ValueError:
+        number = np.zeros(2)  # refused below, because it is not one number
+    if number is None:
+        return
+    if number.ndim or not 0.0 <= number < LARGEST_ANGLE:
+        raise InputError(
+            f"tilt.angle = {shown(tilt.angle)}: give one number, from 0 to below "
+            f"{LARGEST_ANGLE:g}, in degrees from the vertical"
+        )
+
+
+def tilt_possible(tilt: Tilt | None) -> Array:
+    """True, (), if `refuse_tilt` would accept a tilt; traceable."""
+    if tilt is None:
+        return jnp.asarray(True)
+    angle = jnp.asarray(tilt.angle)
+    return (angle >= 0.0) & (angle < LARGEST_ANGLE) & (jnp.asarray(tilt.gap) > 0.0)
 
 
 def settles(flux: kynch.Table) -> Array:

@@ -36,6 +36,8 @@ def rigid_bed(
     falls = (above_bed > 0.0) & (level[None] < mudline[:, None]) & (profiles > 0.0)
     velocity = kynch.flux_at(flux, profiles) / jnp.where(falls, profiles, 1.0)
     velocity = jnp.where(falls, velocity, 0.0) * _speed_of_clock(case)[:, None]
+    if case.tilt is not None:
+        velocity = velocity * case.tilt.rate(mudline - bed_front)[:, None]
     weight = particle.net_weight_density(case.parameters) * case.bed_fraction
     return velocity, weight * jnp.maximum(-above_bed, 0.0)
 

@@ -70,14 +70,18 @@ def solve(case: Case, *, cells: int, steps: int) -> Column:
 def until_rest(case: Case, flux: kynch.Table) -> Array:
     """Returns the output times, s, (T,), cut off at the time from which a rigid bed is at rest.
 
-    In a carrier that ages they are the times of one that does not, with the same profiles.
+    In a carrier that ages, and in a tilted tube, they are the times of one that does not age, or
+    stands upright, with the same profiles.
 
     Args:
       case: column of particles that sink.
       flux: f, in m/s.
     """
     times = yield_stress.effective_times(case.parameters, jnp.asarray(case.times))
-    rest = lax.stop_gradient(characteristics.rest_time(flux, jnp.asarray(case.height)))
+    height = jnp.asarray(case.height)
+    if case.tilt is not None:
+        times = characteristics.tilted_times(flux, height, times, case.tilt)
+    rest = lax.stop_gradient(characteristics.rest_time(flux, height))
     return jnp.minimum(times, AT_REST * rest)
 
 

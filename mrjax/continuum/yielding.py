@@ -10,6 +10,7 @@ from mrjax.continuum import column_checks, fields, kynch
 from mrjax.continuum.case import Case
 from mrjax.continuum.compression import Compression
 from mrjax.continuum.consolidation import (
+    Consolidation,
     consolidate,
     field_at,
     mudline_at,
@@ -17,6 +18,7 @@ from mrjax.continuum.consolidation import (
     volume_at,
 )
 from mrjax.continuum.profile import Column
+from mrjax.continuum.tilt import clock_times
 
 
 @partial(jax.jit, static_argnames=("cells", "steps"))
@@ -24,18 +26,16 @@ def solve(case: Case, compression: Compression, *, cells: int, steps: int) -> Co
     """Simulates a column on a yielding bed, whose effective solid stress is `compression`."""
     case, rising = case.sinking()
     flux = kynch.table(case.parameters, case.hindrance, case.volume_fraction, case.bed_fraction)
-    settled = consolidate(case, compression, cells=cells, steps=steps)
+    settled = consolidate(until_last(case), compression, cells=cells, steps=steps)
     height, initial = case.height, case.volume_fraction
+    times = jnp.asarray(case.times)
+    if case.tilt is not None:
+        times = tilted_times(case, compression, flux, settled, times)
     # A network that is stiff enough swells in the equations, which know no plastic strain.
-    mudline = jnp.minimum(mudline_at(settled, case.times), height)
-    volume = volume_at(settled, case.times)
+    mudline = jnp.minimum(mudline_at(settled, times), height)
+    volume = volume_at(settled, times)
     layers = height * volume * settled.cells[None]
-    full = jnp.minimum(case.bed_fraction, compression.gel_fraction)
-    meets = kynch.bed_contact_fraction(flux, full)
-    bed = jnp.where(
-        full > meets, (initial / volume - meets) / jnp.where(full > meets, full - meets, 1.0), 1.0
-    )
-    bed_front = jnp.minimum(jnp.sum(layers * jnp.clip(bed, 0.0, 1.0), axis=1), mudline)
+    bed_front = bed_height(case, compression, flux, settled.cells, volume, mudline)
     edges = height * jnp.arange(cells + 1, dtype=mudline.dtype) / cells
     below = jax.vmap(share_below, (None, 0, None))(settled.cells, layers, edges)
     # Particles that swelling lifts above the initial height are those of the topmost cell.
@@ -44,10 +44,12 @@ def solve(case: Case, compression: Compression, *, cells: int, steps: int) -> Co
     at_level = jax.vmap(partial(_at_levels, levels))(
         layers,
         mudline,
-        field_at(settled, case.times, settled.speeds),
-        field_at(settled, case.times, settled.stress),
+        field_at(settled, times, settled.speeds),
+        field_at(settled, times, settled.stress),
     )
     velocity, stress = fields.mirrored(rising, *at_level)
+    if case.tilt is not None:
+        velocity = velocity * case.tilt.rate(mudline - bed_front)[:, None]
     courant = kynch.fastest_front(flux, initial) * settled.time[1] / height * cells
     # A factor, not a `where`: derivatives of an invalid result are NaN, too.
     possible = column_checks.possible(case, flux) & column_checks.slower_if_denser(flux)
@@ -95,3 +97,60 @@ def _at_levels(
         levels, jnp.concatenate([zero, places]), jnp.concatenate([at_floor, carried])
     )
     return jnp.where(levels < mudline, velocity, 0.0), carried
+
+
+def until_last(case: Case) -> Case:
+    """Returns the case with a last time at which an upright column is past a tilted one.
+
+    Args:
+      case: column; the last of its times is the largest.
+    """
+    if case.tilt is None:
+        return case
+    return case._replace(times=case.times[-1:] * case.tilt.rate(case.height))
+
+
+def tilted_times(
+    case: Case, compression: Compression, flux: kynch.Table, settled: Consolidation, times: Array
+) -> Array:
+    """Returns the times at which an upright column has the state of a tilted one; s, (T,).
+
+    The network of a bed gives no layer of clear fluid under the upper wall.
+
+    Args:
+      case: column of particles that sink, with a tilt.
+      compression: effective solid stress of the bed.
+      flux: f, in m/s.
+      settled: the upright column, up to the last time.
+      times: times of the tilted column, s, (T,).
+    """
+    assert case.tilt is not None
+    mudline = jnp.minimum(settled.mudline, case.height)
+    bed = bed_height(case, compression, flux, settled.cells, settled.volume, mudline)
+    return clock_times(times, case.tilt, settled.time, mudline - bed)
+
+
+def bed_height(
+    case: Case,
+    compression: Compression,
+    flux: kynch.Table,
+    cells: Array,
+    volume: Array,
+    mudline: Array,
+) -> Array:
+    """Returns the height of the top of the bed, located by particle volume; m, (T,).
+
+    Args:
+      case: column of particles that sink.
+      compression: effective solid stress of the bed.
+      flux: f, in m/s.
+      cells: share of the particles in every cell, (C,).
+      volume: volume of the cells over that at the start; 1, (T, C).
+      mudline: height of the mudline, m, (T,).
+    """
+    full = jnp.minimum(case.bed_fraction, compression.gel_fraction)
+    meets = kynch.bed_contact_fraction(flux, full)
+    excess = case.volume_fraction / volume - meets
+    bed = jnp.where(full > meets, excess / jnp.where(full > meets, full - meets, 1.0), 1.0)
+    layers = case.height * volume * cells[None]
+    return jnp.minimum(jnp.sum(layers * jnp.clip(bed, 0.0, 1.0), axis=1), mudline)

@@ -7,6 +7,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
+from mrjax.continuum import tilt
 from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.core.parameters import Parameters
 from mrjax.core.units import MM_PER_DAY
@@ -190,11 +191,23 @@ def _of_a_run_to_rest(recipe: Recipe, overlap: float) -> list[Row]:
     ]
 
 
-def warnings(recipe: Recipe) -> list[str]:
-    """Warnings, one line for each assumption of the model that the suspension does not meet."""
+def warnings(
+    recipe: Recipe, tube_diameter: float | None = None, tube_height: float | None = None
+) -> list[str]:
+    """Warnings, one line for each assumption of the model that does not hold.
+
+    Args:
+      recipe: the lab sheet.
+      tube_diameter: inner diameter of the tube, m; None if it is not known.
+      tube_height: height of the suspension in the tube, m; None if it is not known.
+    """
     parameters = recipe.parameters()
     velocity, _ = evaluate_with_numpy(_falling, parameters)
-    return dimensionless.warnings(dimensionless.numbers(parameters, velocity, recipe.temperature))
+    lines = dimensionless.warnings(dimensionless.numbers(parameters, velocity, recipe.temperature))
+    narrow = None
+    if tube_diameter is not None and tube_height is not None:
+        narrow = tilt.warning(tube_height, tilt.gap_of_round_tube(tube_diameter))
+    return [*lines, narrow] if narrow else lines
 
 
 def _falling(parameters: Parameters) -> tuple[Array, Array]:

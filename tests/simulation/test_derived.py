@@ -132,3 +132,11 @@ def test_the_peclet_number_is_that_of_the_temperature(case2):
     assert derived.warnings(tiny) == []  # 10.1
     (warning,) = derived.warnings(tiny.replace(temperature=310.0))
     assert warning.startswith("Peclet number 9.6 is below 10")
+
+
+def test_a_tall_narrow_tube_is_warned_of(case2):
+    assert not any("tilt" in line for line in derived.warnings(case2, 0.03, 0.1))
+    assert not any("tilt" in line for line in derived.warnings(case2, 0.03))
+    warned = derived.warnings(case2, 0.03, 0.3)
+    assert len(warned) == len(derived.warnings(case2)) + 1
+    assert "13 times as tall as the gap of its tube" in warned[-1]

@@ -45,6 +45,7 @@ def refuse(case: Case, threshold: ArrayLike) -> None:
         Bound("threshold", threshold, 1.0, "1"),
     ):
         column_checks.refuse_number(bound)
+    column_checks.refuse_tilt(case.tilt)
     column_checks.refuse_times(case.times)
 
 
@@ -87,7 +88,7 @@ def possible(case: Case, threshold: Array, law: Classes, node: Array) -> Array:
     ascending = jnp.all(jnp.diff(times) > 0.0) & (times[0] >= 0.0) & (times[-1] > 0.0)
     settles = jnp.all(jnp.isfinite(lone) & (lone >= 0.0))
     hinders = jnp.all(jnp.isfinite(inverse) & (inverse >= 0.0)) & _hinders(inverse)
-    return within & ascending & settles & hinders
+    return within & ascending & settles & hinders & column_checks.tilt_possible(case.tilt)
 
 
 def _inverse(law: Classes, node: Array) -> Array:

@@ -11,12 +11,13 @@ from functools import partial
 
 import jax
 import jax.numpy as jnp
-from jax import Array
+from jax import Array, lax
 from jax.typing import ArrayLike
 
 from mrjax.continuum.case import Case
 from mrjax.continuum.sizes import class_checks, masliyah, profile, scheme
 from mrjax.continuum.sizes.profile import PolydisperseColumn as PolydisperseColumn
+from mrjax.continuum.tilt import Tilt, clock_nodes, clock_times
 from mrjax.core import checks
 from mrjax.core.errors import InputError
 from mrjax.core.parameters import Parameters
@@ -36,6 +37,7 @@ def polydisperse_column(
     times: ArrayLike,
     hindrance: Hindrance | None = None,
     threshold: ArrayLike = 0.5,
+    tilt: Tilt | None = None,
     cells: int = 200,
     steps: int | None = None,
 ) -> PolydisperseColumn:
@@ -57,6 +59,7 @@ def polydisperse_column(
         fractions.
       threshold: share of the initial total volume fraction that the suspension below the mudline
         exceeds; the eye sees 0.5, an optical instrument 0.01; 1, ().
+      tilt: tilt and gap of the tube, as for `column`.
       cells: number C of cells of equal height.
       steps: largest number of steps, which reverse mode needs; `steps` of a result without it, with
         a margin. By default the number follows from the speeds.
@@ -78,7 +81,7 @@ def polydisperse_column(
       ... )
     """
     threshold = jnp.asarray(threshold, float)
-    case = Case(parameters, height, volume_fraction, bed_fraction, times, hindrance, None)
+    case = Case(parameters, height, volume_fraction, bed_fraction, times, hindrance, None, tilt)
     case, cells = case.as_arrays(), checks.whole(cells, "cells", MOST_CELLS)
     if steps is not None:
         steps = checks.whole(steps, "steps", MOST_STEPS)
@@ -109,6 +112,9 @@ def _solve(case: Case, threshold: Array, *, cells: int, steps: int | None) -> Po
     possible = class_checks.possible(case, threshold, law, scheme.nodes(densest))
     in_cells = law._replace(mobility=law.mobility * (cells / height))
     tube = scheme.column(in_cells, initial, densest)
+    if case.tilt is not None:
+        times, enough = _tilted_times(case, tube, threshold, possible, cells, steps)
+        possible = possible & enough
     if steps is None:
         # Impossible arguments take no steps.
         until = jnp.where(possible, times, 0.0)
@@ -120,7 +126,7 @@ def _solve(case: Case, threshold: Array, *, cells: int, steps: int | None) -> Po
     valid = jnp.where(possible, 1.0, jnp.nan).astype(initial.dtype)
     fields = profile.polydisperse_column(profiles, law, case, threshold, rising)
     return PolydisperseColumn(
-        times=times,
+        times=jnp.asarray(case.times),
         **{name: valid * value for name, value in fields.items()},
         initial_height=valid * height,
         initial_fractions=initial,
@@ -129,3 +135,41 @@ def _solve(case: Case, threshold: Array, *, cells: int, steps: int | None) -> Po
         rising=rising,
         steps=taken,
     )
+
+
+def _tilted_times(
+    case: Case,
+    tube: scheme.Column,
+    threshold: Array,
+    possible: Array,
+    cells: int,
+    steps: int | None,
+) -> tuple[Array, Array]:
+    """Returns the times at which an upright column has the state of a tilted one, s, (T,).
+
+    A run of the upright column gives the length of its suspension, up to a last time that is late
+    enough.
+
+    Returns:
+      The times, and True, (), if the number of steps suffices.
+    """
+    assert case.tilt is not None
+    times, height = jnp.asarray(case.times), jnp.asarray(case.height)
+    initial, densest = jnp.asarray(case.volume_fraction), jnp.asarray(case.bed_fraction)
+    last = times[-1] * case.tilt.rate(height)
+    total = jnp.sum(initial)
+    flux = masliyah.fluxes(tube.law, initial[:, None], total)
+    velocity = jnp.sum(flux) / total * (height / cells)
+    moves = velocity > 0.0
+    settled = height * (1.0 - total / densest) / jnp.where(moves, velocity, 1.0)
+    settled = lax.stop_gradient(jnp.where(moves, settled, last))
+    nodes = clock_nodes(settled, jnp.maximum(settled, last), last)
+    nodes = jnp.where(possible, nodes, 0.0)  # impossible arguments take no steps
+    enough = jnp.asarray(True)
+    if steps is None:
+        profiles, _ = scheme.profiles(tube, nodes, cells)
+    else:
+        profiles, _, enough = scheme.profiles_of_steps(tube, nodes, cells, steps)
+    mudline, bed = profile.fronts(profiles, case, threshold)
+    length = height / cells * jnp.maximum(mudline - bed, 0.0)
+    return clock_times(times, case.tilt, nodes, length), enough

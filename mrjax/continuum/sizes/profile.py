@@ -91,6 +91,22 @@ class PolydisperseColumn:
         return jnp.where(self.rising, self.initial_height - height, height)
 
 
+def fronts(profiles: Array, case: Case, threshold: Array) -> tuple[Array, Array]:
+    """Returns the heights of the mudline and of the top of the bed, in cells, (T,) each.
+
+    Args:
+      profiles: volume fractions of particles that sink, (T, K, C).
+      case: the arguments.
+      threshold: share of the initial total, ().
+    """
+    total, densest = jnp.sum(profiles, axis=1), jnp.asarray(case.bed_fraction)
+    level = threshold * jnp.sum(jnp.asarray(case.volume_fraction))
+    return (
+        interfaces.crossings(total, level, densest),
+        interfaces.crossings(total, PACKED * densest, densest),
+    )
+
+
 def polydisperse_column(
     profiles: Array,
     law: Classes,
@@ -110,8 +126,7 @@ def polydisperse_column(
     initial, densest = jnp.asarray(case.volume_fraction), jnp.asarray(case.bed_fraction)
     cells, height = profiles.shape[-1], jnp.asarray(case.height)
     total = jnp.sum(profiles, axis=1)
-    mudline = interfaces.crossings(total, threshold * jnp.sum(initial), densest)
-    bed = interfaces.crossings(total, PACKED * densest, densest)
+    mudline, bed = fronts(profiles, case, threshold)
     in_bed = interfaces.volume_below(profiles, bed)
     above = jnp.sum(profiles, axis=-1) - interfaces.volume_below(profiles, mudline)
     clear = jnp.maximum(cells - mudline, 0.0)[:, None]
@@ -119,6 +134,9 @@ def polydisperse_column(
     in_suspension = jnp.arange(cells, dtype=initial.dtype)[None] + 0.5 > bed[:, None]
     velocities = jax.vmap(masliyah.velocities, (None, 0, None))(law, profiles, densest)
     velocities = jnp.where(in_suspension[:, None], velocities, 0.0)
+    if case.tilt is not None:
+        length = cell * jnp.maximum(mudline - bed, 0.0)
+        velocities = velocities * case.tilt.rate(length)[:, None, None]
     mean_velocity = _quotient(jnp.sum(profiles * velocities, axis=1), total)
     weight = jnp.abs(jnp.asarray(case.parameters.gravity)) * masliyah.excess_density(law, profiles)
     stress = cell * interfaces.carried(weight, bed)
