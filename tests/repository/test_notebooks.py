@@ -21,6 +21,8 @@ NAMES = (
     "design_a_recipe",
     "your_own_force",
     "sizes",
+    "flocs",
+    "thickener",
 )
 QUICK = ("fit_your_own_data",)
 """What the others show, tests of their own guard in an ordinary run."""
