@@ -4,6 +4,7 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,10 @@ from calibrate.inference.posterior import Posterior, refuse_without_sampler
 from calibrate.inference.posterior import posterior as sample_posterior
 from calibrate.inference.profile import Profile, profiles
 from calibrate.least_squares.fit import Fit
+from calibrate.models.column import column
+from calibrate.models.forward_models import forward_model
 from calibrate.models.prediction import ForwardModelMaker
+from calibrate.models.tube import Tube, tube
 from calibrate.problem.problem import Problem
 from calibrate.problem.scatter import places_of_scatter
 from calibrate.problem.simulated import fit_simulator
@@ -176,10 +180,32 @@ class Calibration:
             for note in sample.recipe.contact_notes
         ]
 
+    @cached_property
+    def tubes(self) -> dict[str, Tube]:
+        """The tube of each sample as fitted, by its name, as fields over time and height.
+
+        There are those of the model `column`, for samples with readings at some times and a bed of
+        known volume fraction.
+        """
+        if forward_model(self.options.model) is not column:
+            return {}
+        tubes = {}
+        for sample, model in zip(self.problem.experiment.samples, self.problem.models, strict=True):
+            suspension = self.problem.experiment.suspension_of(sample, self.fit.theta)
+            bed = suspension.bed_fraction
+            if sample.bed_fraction == "particles":
+                bed = suspension.volume_fraction / model(suspension)["final_ratio"]
+            if bed is None or not (sample.times or sample.points):
+                continue
+            settled = tube(sample, suspension, bed)
+            if np.isfinite(settled.mudline).all():
+                tubes[sample.name] = settled
+        return tubes
+
     def write(
         self, folder: str | Path, *, pdf: bool = False, progress: bool = False
     ) -> dict[str, Any]:
-        """Writes `fit.json`, the report and its figures.
+        """Writes `fit.json`, the report and its figures, and the fields of `tubes`.
 
         Args:
           folder: target folder; it is created if it is missing.
@@ -194,10 +220,11 @@ class Calibration:
         """
         folder, result = result_folder(Path(folder)), self.tables()
         drawn_figures = figures.figures(
-            self.problem, self.fit, result, self.profiles, self.posterior
+            self.problem, self.fit, result, self.profiles, self.posterior, self.tubes
         )
         text = report.markdown(self.experiment.name, result["model"], result, drawn_figures)
         report.write(folder, text, result, drawn_figures, pdf, progress=progress)
+        report.write_tubes(folder, self.tubes, result)
         return result
 
 

@@ -8,7 +8,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         "document": ["markdown"],
         "formatting": ["by_chance"],
-        "page": ["write"],
+        "page": ["write", "write_tubes"],
         "tables": ["forecasts", "summary"],
         "words": ["in_words", "line"],
     },

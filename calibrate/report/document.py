@@ -59,7 +59,7 @@ and {result["degrees_of_freedom"]} degrees of freedom; {result["model_runs"]} mo
 ## Predicted against measured
 
 {_reading_records(result)}{predictions}
-{shown("predictions", "velocities", "curves", "concentrations", "readings", "residuals")}
+{shown("predictions", "velocities", "curves", "fields", "concentrations", "readings", "residuals")}
 
 ## What the data determine
 {words}

@@ -1,6 +1,7 @@
 """Figures of a fit: data and predictions, residuals, profiles, samples, the search."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -12,15 +13,18 @@ from calibrate.experiment.units import HEIGHT_UNITS, TIME_UNITS
 from calibrate.inference.posterior import Posterior
 from calibrate.inference.profile import Profile
 from calibrate.least_squares.fit import Fit
+from calibrate.models.tube import Tube
 from calibrate.problem.problem import Problem
 from calibrate.report.formatting import in_unit, spelled
 from mrjax.core.text import in_figure
-from mrjax.figures import COLUMN, STYLE
+from mrjax.figures import COLUMN, STYLE, column_fields
+from mrjax.figures.column_fields import Readings
 
 MARKERS = "osD^v<>p"
 """Markers of the samples, in their order."""
 MOST_ACROSS = 4
 """Most panels side by side."""
+NO_TUBES: Mapping[str, Tube] = MappingProxyType({})
 
 
 def figures(
@@ -29,8 +33,9 @@ def figures(
     result: dict[str, Any],
     profiles: tuple[Profile, ...],
     samples: Posterior | None,
+    tubes: Mapping[str, Tube] = NO_TUBES,
 ) -> dict[str, Figure]:
-    """The figures of a fit, by the name of their file."""
+    """The figures of a fit, by the name of their file; `tubes` are those of samples, by name."""
     all_figures = {}
     if any(_is_single(row) for row in result["predictions"]):
         all_figures["predictions"] = predictions_figure(result)
@@ -38,6 +43,8 @@ def figures(
         all_figures["velocities"] = velocities_figure(result)
     if any(map(_is_of_curve, result["predictions"])):
         all_figures["curves"] = curves_figure(result)
+    if tubes:
+        all_figures["fields"] = fields_figure(problem, tubes)
     if any("height_m" in row for row in result["predictions"]):
         all_figures["concentrations"] = concentrations_figure(result)
     if any("at" in row for row in result["predictions"]):
@@ -136,21 +143,49 @@ def curves_figure(result: dict[str, Any]) -> Figure:
     return figure
 
 
+@STYLE
+def fields_figure(problem: Problem, tubes: Mapping[str, Tube]) -> Figure:
+    """Volume fraction over time and height in the tube of each sample, with its readings."""
+    samples = [sample for sample in problem.experiment.samples if sample.name in tubes]
+    figure, all_axes = _grid(len(samples))
+    for axes, sample in zip(all_axes, samples, strict=True):
+        readings = [
+            (
+                sample.times[reading.place],
+                reading.value
+                * reading.si
+                * (1.0 if reading.observable == "mudline" else sample.height),
+            )
+            for reading in sample.readings_of_curve
+            if reading.place is not None
+        ]
+        points = Readings(*zip(*readings, strict=True)) if readings else None
+        column_fields.draw(axes, tubes[sample.name], readings=points)
+        axes.set_title(f"sample {in_figure(sample.name)}")
+    return figure
+
+
 def _panels(
     rows: list[dict[str, Any]], key: Callable[[dict[str, Any]], Any] = lambda row: row["sample"]
 ) -> tuple[Figure, list[tuple[Axes, list[dict[str, Any]]]]]:
     """A figure with axes for each sample, or other key, and the predictions to draw there."""
     keys = list(dict.fromkeys(map(key, rows)))
-    across = min(len(keys), MOST_ACROSS)
-    down = -(-len(keys) // across)
-    figure = Figure(figsize=(COLUMN * across, 2.4 * down), layout="constrained")
-    all_axes = figure.subplots(down, across, squeeze=False).ravel()
-    for axes in all_axes[len(keys) :]:
-        axes.set_axis_off()
+    figure, all_axes = _grid(len(keys))
     of_each = [[row for row in rows if key(row) == key_of_panel] for key_of_panel in keys]
-    for axes, rows_of_panel in zip(all_axes, of_each, strict=False):
+    for axes, rows_of_panel in zip(all_axes, of_each, strict=True):
         axes.set_title(f"sample {in_figure(rows_of_panel[0]['sample'])}")
     return figure, list(zip(all_axes, of_each, strict=False))
+
+
+def _grid(number: int) -> tuple[Figure, list[Axes]]:
+    """A figure with a number of panels."""
+    across = min(number, MOST_ACROSS)
+    down = -(-number // across)
+    figure = Figure(figsize=(COLUMN * across, 2.4 * down), layout="constrained")
+    all_axes = list(figure.subplots(down, across, squeeze=False).ravel())
+    for axes in all_axes[number:]:
+        axes.set_axis_off()
+    return figure, all_axes[:number]
 
 
 def _draw(

@@ -1,6 +1,8 @@
 """The files of a report: JSON, Markdown with its figures, and one HTML page."""
 
 import base64
+import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +10,8 @@ from markdown_it import MarkdownIt
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from calibrate.models.tube import Tube
+from mrjax import save_column
 from mrjax.core.text import in_html
 from mrjax.io import files
 
@@ -43,6 +47,20 @@ def write(
             f'src="{name}.png"', f'src="data:image/png;base64,{image}" width="{width}"'
         )
     files.write_text(folder / "report.html", page)
+
+
+def write_tubes(folder: Path, tubes: Mapping[str, Tube], result: dict[str, Any]) -> None:
+    """Writes the fields of the tube of each sample, as CSV and `.npz`.
+
+    With several samples, the names of the files end in that of the sample, or in its number if a
+    file cannot have such a name.
+    """
+    made_by = {name: result[name] for name in MADE_BY}
+    for number, (sample, tube) in enumerate(tubes.items(), 1):
+        plain = re.fullmatch(r"[A-Za-z0-9_-]{1,40}", sample)
+        ending = f"-{sample if plain else number}" if len(tubes) > 1 else ""
+        for suffix in ("csv", "npz"):
+            save_column(folder / f"fields{ending}.{suffix}", tube, made_by | {"sample": sample})
 
 
 def _html(title: str, text: str) -> str:

@@ -33,8 +33,10 @@ def rigid_bed(
     cells = profiles.shape[1]
     level = case.height / cells * (jnp.arange(cells, dtype=profiles.dtype) + 0.5)
     above_bed = level[None] - bed_front[:, None]
-    falls = (above_bed > 0.0) & (level[None] < mudline[:, None]) & (profiles > 0.0)
-    velocity = kynch.flux_at(flux, profiles) / jnp.where(falls, profiles, 1.0)
+    falls = (above_bed > 0.0) & (level[None] < mudline[:, None])
+    # Cells that the mudline crosses, or over which it is smeared, are thinner than what falls.
+    falling = jnp.maximum(profiles, case.volume_fraction)
+    velocity = kynch.flux_at(flux, falling) / falling
     velocity = jnp.where(falls, velocity, 0.0) * _speed_of_clock(case)[:, None]
     if case.tilt is not None:
         velocity = velocity * case.tilt.rate(mudline - bed_front)[:, None]
