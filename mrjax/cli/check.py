@@ -38,7 +38,8 @@ if TYPE_CHECKING:
 @click.option(
     "--tube-height",
     type=options.Finite(min=0.0, min_open=True),
-    help="Height of the suspension in that tube in m: a tall, narrow one settles faster if tilted.",
+    help="Height of the suspension in that tube in m: a tall, narrow one settles faster if tilted, "
+    "and a bed of many layers may yield under its weight.",
 )
 @options.quiet_option
 @options.json_option
@@ -58,7 +59,7 @@ def check(
     sheet = mrjax.Recipe.load(recipe)
     quantities = derived.derived(sheet)
     warnings = derived.warnings(sheet, tube_diameter, tube_height)
-    notes = derived.notes(sheet, tube_diameter)
+    notes = derived.notes(sheet, tube_diameter, tube_height)
     for warning in warnings:
         echo(f"mrjax: warning: {warning}", err=True)
     if as_json:

@@ -52,15 +52,19 @@ def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
     return [Quantity(key, name, float(value), unit) for key, name, value, unit in quantities]
 
 
-def notes(recipe: Recipe, tube_diameter: float | None = None) -> list[str]:
+def notes(
+    recipe: Recipe, tube_diameter: float | None = None, tube_height: float | None = None
+) -> list[str]:
     """Remarks on assumptions, and on what matters in a suspension.
 
     They are assumed and inconsistent values, quantities that `derived` leaves out, the branch of
-    hindered settling, what moves in a fluid with a yield stress, and whether particles stick.
+    hindered settling, what moves in a fluid with a yield stress, whether particles stick, and the
+    layers of a tube.
 
     Args:
       recipe: the lab sheet.
       tube_diameter: inner diameter of the tube, m; None if it is not known.
+      tube_height: height of the suspension in the tube, m; None if it is not known.
     """
     lacking = contacts.missing(recipe)
     omissions = [f"times and steps of contacts are left out: {lacking}"] if lacking else []
@@ -69,7 +73,21 @@ def notes(recipe: Recipe, tube_diameter: float | None = None) -> list[str]:
     stated = () if sheet is None else (sheet.hamaker, sheet.layer_thickness)
     sticking = attraction_notes.notes(recipe.parameters(), *stated)
     assumed = [*recipe.notes, *recipe.contact_notes, *omissions]
-    return [*assumed, *sticking, branch_note(recipe), *moving]
+    return [*assumed, *sticking, *_layers(recipe, tube_height), branch_note(recipe), *moving]
+
+
+def _layers(recipe: Recipe, tube_height: float | None) -> list[str]:
+    """A note on the layers of a tube beside those of a simulated box; none without a tube."""
+    if tube_height is None or not recipe.gravity:
+        return []
+    diameter = recipe.radius_factor * float(np.mean(recipe.diameters))
+    tube, box = tube_height / diameter, recipe.box.height / diameter
+    return [
+        f"the suspension of {1e3 * tube_height:.3g} mm in its tube is {tube:.2g} diameters high, "
+        f"and that of the simulated box {box:.2g}: a chain of particles breaks under its weight if "
+        "they are more than the granular Bond number, so that a loose bed that stands in the box "
+        "may yield in the tube (compression of a column)"
+    ]
 
 
 def branch_note(recipe: Recipe) -> str:

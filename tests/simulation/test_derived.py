@@ -140,3 +140,12 @@ def test_a_tall_narrow_tube_is_warned_of(case2):
     warned = derived.warnings(case2, 0.03, 0.3)
     assert len(warned) == len(derived.warnings(case2)) + 1
     assert "13 times as tall as the gap of its tube" in warned[-1]
+
+
+def test_the_layers_of_a_tube_are_said_beside_those_of_the_box(case2):
+    """0.1 m and 50 um over 4 um."""
+    assert not any("diameters high" in note for note in derived.notes(case2))
+    (note,) = [one for one in derived.notes(case2, None, 0.1) if "diameters high" in one]
+    assert (
+        "of 100 mm in its tube is 2.5e+04 diameters high, and that of the simulated box 12" in note
+    )
