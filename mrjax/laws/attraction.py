@@ -1,4 +1,6 @@
-"""Van der Waals attraction of two surfaces, after Derjaguin, Muller and Toporov (DMT).
+"""Van der Waals attraction of two surfaces: DMT for hard ones, JKR for soft ones.
+
+The law of Derjaguin, Muller and Toporov (DMT) is
 
     F = F_c s(h / eps) / (1 + h / eps)^2,    F_c = A R* / (6 h_0^2)
 
@@ -10,8 +12,14 @@ The range eps is h_0 by default, which gives Derjaguin's F = A R* / (6 (h + h_0)
 contacts need a longer range, since the slope of the force limits the step. They keep F_c.
 
 The factor s(x) = (1 - (x / 10)^4)^3 ends the force smoothly at a gap of ten ranges, where it would
-be less than 1 % of F_c. The work of separation is
-14 % less than F_c eps.
+be less than 1 % of F_c. The work of separation is 14 % less than F_c eps.
+
+The law of Johnson, Kendall and Roberts (JKR) is, for a contact radius a and an overlap d,
+
+    F = 4 E* a^3 / (3 R*) - sqrt(8 pi w E* a^3),    d = a^2 / R* - sqrt(2 pi a w / E*)
+
+with F_c = 3/2 pi w R*. It acts from the first touch on, d = 0, until the surfaces are apart by
+3/4 (pi^2 w^2 R* / E*^2)^(1/3), where a neck tears. It has no tail.
 """
 
 import jax.numpy as jnp
@@ -20,7 +28,7 @@ from jax.typing import ArrayLike
 
 from mrjax.core.errors import InputError
 from mrjax.core.parameters import Parameters
-from mrjax.laws import dimensionless, particle
+from mrjax.laws import dimensionless, normal, particle
 from mrjax.laws.effective import SurfacePairs
 
 CUT_OFF = 10.0
@@ -59,15 +67,79 @@ def attraction(gap: ArrayLike, pull_off: ArrayLike, range_: ArrayLike) -> Array:
     return pull_off * jnp.where(far | (gap <= 0.0), tail, 0.0)
 
 
-def pull_off(parameters: Parameters, surfaces: SurfacePairs) -> Array:
-    """Pull-off force F_c = A R* / (6 h_0^2) of pairs, N; (P,), or () if equal for all pairs.
+def jkr_force(
+    overlap: ArrayLike, pull_off: ArrayLike, modulus: ArrayLike, radius: ArrayLike
+) -> Array:
+    """Normal force of a contact after JKR, N; positive if it repels; elementwise.
+
+    The contact radius in units of its value at tear-off is the square of s, the root of
+    s^4 - 4 s = 3 D not below 1, with the overlap D in units of the gap of tear-off.
+
+    Args:
+      overlap: d, m; not below that of tear-off, which is negative.
+      pull_off: F_c, above 0, N.
+      modulus: E* of Eq. 5, Pa.
+      radius: R* of Eq. 6, m.
+    """
+    # The slope is infinite at tear-off.
+    depth = jnp.maximum(overlap / tear_off_gap(pull_off, modulus, radius), _LEAST_DEPTH)
+    cubic = jnp.cbrt(1.0 + jnp.sqrt(1.0 + depth * depth * depth))
+    ratio = depth / cubic
+    resolvent = 2.0 / (cubic * cubic + depth + ratio * ratio)
+    root = jnp.sqrt(2.0 * resolvent)
+    size = 0.5 * (root + jnp.sqrt(jnp.maximum(8.0 / root - 2.0 * resolvent, 0.0)))
+    cube = size * size * size
+    return pull_off * cube * (cube - 6.0) / 9.0
+
+
+_LEAST_DEPTH = -1.0 + 1e-9
+
+
+def tear_off_gap(pull_off: ArrayLike, modulus: ArrayLike, radius: ArrayLike) -> Array:
+    """Gap at which a contact after JKR tears, 3/4 (pi^2 w^2 R* / E*^2)^(1/3), m.
+
+    Args:
+      pull_off: F_c = 3/2 pi w R*, N.
+      modulus: E* of Eq. 5, Pa.
+      radius: R* of Eq. 6, m.
+    """
+    force = pull_off / modulus
+    return 0.75 * jnp.cbrt(4.0 / 9.0 * force * force / radius)
+
+
+def attraction_in_contact(
+    law: str, overlap: ArrayLike, pull_off: ArrayLike, modulus: ArrayLike, radius: ArrayLike
+) -> ArrayLike:
+    """Attraction of surfaces that touch: Hertz's force less the net force; N.
+
+    Args:
+      law: `dmt` or `jkr`.
+      overlap: d, m.
+      pull_off: F_c, N.
+      modulus: E* of Eq. 5, Pa.
+      radius: R* of Eq. 6, m.
+    """
+    if law == "dmt":
+        return pull_off
+    attracts = pull_off > 0.0
+    net = jkr_force(overlap, jnp.where(attracts, pull_off, modulus * radius**2), modulus, radius)
+    hertz = normal.normal_force(overlap, 0.0, modulus, radius, 1.0, damped=False)
+    return jnp.where(attracts, hertz - net, 0.0)
+
+
+def pull_off(parameters: Parameters, surfaces: SurfacePairs, law: str = "dmt") -> Array:
+    """Pull-off force F_c of pairs, N; (P,), or () if equal for all pairs.
+
+    It is A R* / (6 h_0^2) = 2 pi w R* by DMT, and three quarters of it by JKR.
 
     Args:
       parameters: physical parameters, in any coherent system of units.
       surfaces: surfaces of the pairs.
+      law: `dmt` or `jkr`.
     """
     hamaker = surfaces.by_material(hamaker_constant(parameters))
-    return hamaker * surfaces.reduced_radius / (6.0 * _steric_gap(parameters, surfaces) ** 2)
+    share = 1.0 / 6.0 if law == "dmt" else 1.0 / 8.0
+    return share * hamaker * surfaces.reduced_radius / _steric_gap(parameters, surfaces) ** 2
 
 
 def _steric_gap(parameters: Parameters, surfaces: SurfacePairs) -> Array:

@@ -76,9 +76,9 @@ def active_forces(forces: Sequence[Force] | None, parameters: Parameters) -> tup
                 "of a class of your own, derived from mrjax.PairForce or mrjax.BodyForce"
             )
     active = tuple(force.active(parameters) for force in given)
-    if any(isinstance(force, VanDerWaals) for force in active):
+    for law in (force.law for force in active if isinstance(force, VanDerWaals)):
         active = tuple(
-            force.attracted() if isinstance(force, Contact) else force for force in active
+            force.attracted(law) if isinstance(force, Contact) else force for force in active
         )
     names = Counter(name for force in pair_forces(active) for name in force.memory())
     for name, times in names.items():

@@ -37,8 +37,8 @@ class ActiveLaws:
     sliding: bool
     rolling: bool
     damped: bool
-    attracted: bool = False
-    """True if the limits of friction and rolling resistance include the pull-off force."""
+    attraction: str | None = None
+    """Law of attraction, whose pull-off force the limits of friction and rolling include."""
 
 
 def acts(coefficient: ArrayLike, idle: float = 0.0) -> bool:
@@ -76,9 +76,9 @@ class Contact(PairForce):
         """Returns the force without the laws whose coefficients are known to be zero."""
         return type(self)(active_laws(parameters))
 
-    def attracted(self) -> Self:
-        """Returns the force with the pull-off force in the limits of friction and rolling."""
-        return type(self)(replace(self.laws, attracted=True))
+    def attracted(self, law: str) -> Self:
+        """Returns the force with the pull-off force of a law in the limits of friction."""
+        return type(self)(replace(self.laws, attraction=law))
 
     def apart(self) -> Self:
         """Returns the force without friction, damping and history, to compile less code."""
@@ -92,9 +92,10 @@ class Contact(PairForce):
           surfaces: surfaces of the pairs.
         """
         properties = effective.of_surfaces(parameters, surfaces)
-        if not self.laws.attracted:
+        law = self.laws.attraction
+        if law is None:
             return properties
-        return properties._replace(pull_off=attraction.pull_off(parameters, surfaces))
+        return properties._replace(pull_off=attraction.pull_off(parameters, surfaces, law))
 
     def alike(self, parameters: Parameters, material: Array | None) -> bool:
         """True if all particles have the same material, size and mass.
@@ -103,7 +104,7 @@ class Contact(PairForce):
           parameters: parameters of the run.
           material: material index of each particle, (N,); None if all have the same material.
         """
-        if self.laws.attracted:
+        if self.laws.attraction is not None:
             return VanDerWaals().alike(parameters, material)
         return effective.alike(parameters, material)
 
@@ -133,9 +134,13 @@ class Contact(PairForce):
         )
         force: Vector = times(normal_force, pair.normal)
         pressing_force = normal_force
-        if properties.pull_off is not None:
-            touching = pair.overlap > 0.0
-            pressing_force = jnp.where(touching, normal_force + properties.pull_off, 0.0)
+        law, pull_off = self.laws.attraction, properties.pull_off
+        if law is not None and pull_off is not None:
+            attracting = attraction.attraction_in_contact(
+                law, pair.overlap, pull_off, properties.modulus, properties.radius
+            )
+            net_force = normal_force - attracting
+            pressing_force = jnp.where(pair.overlap > 0.0, net_force + 2.0 * pull_off, 0.0)
         torques: tuple[Vector, Vector] | tuple[None, None] = (None, None)
         rotation = times(time_step, pair.normal_rotation_rate), time_step * pair.torsion_rate
         duration = time_in_contact(pair, time_step)

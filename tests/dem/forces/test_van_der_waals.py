@@ -10,6 +10,7 @@ import pytest
 import mrjax
 from mrjax.dem.forces import ActiveLaws, Contact, VanDerWaals, active_forces
 from mrjax.dem.kinematics import ParticleState, pair_kinematics
+from mrjax.laws import attraction as attraction_law
 from mrjax.laws import effective, normal
 from mrjax.laws.attraction import CUT_OFF, attraction
 from tests.builders.particles import DRY, glass
@@ -30,6 +31,11 @@ def sticky(**changes):
 
 def pull(gap, parameters, wall=False, law=VanDerWaals()):  # noqa: B008
     """Attraction of two surfaces at a gap by the law alone; repulsive forces are negative."""
+    return pulls(gap, parameters, wall, law)[0]
+
+
+def pulls(gap, parameters, wall=False, law=VanDerWaals(), **memory):  # noqa: B008
+    """Attraction of two surfaces, and the history of the pair after it."""
     coated = mrjax.particle.coated_particle(parameters)
     pairs = effective.SurfacePairs(jnp.array([0]), jnp.array([1]), jnp.array([wall]), None, coated)
     own = jax.tree.map(jnp.ravel, law.coefficients(parameters, pairs))
@@ -39,9 +45,9 @@ def pull(gap, parameters, wall=False, law=VanDerWaals()):  # noqa: B008
     kinematics = pair_kinematics(
         surface, surface, (distance, zero, zero), jnp.full(1, 0 if wall else -1)
     )
-    wrench, _ = law(kinematics, own, law.blank_memory(zero), 0.0)
+    wrench, new = law(kinematics, own, {**law.blank_memory(zero), **memory}, 0.0)
     assert not np.any(wrench.force[1:])
-    return -float(wrench.force[0][0])
+    return -float(wrench.force[0][0]), new
 
 
 # --- exact forces ---------------------------------------------------------------------------------
@@ -215,7 +221,7 @@ def impacts(request):
         attraction_range=0.02,
     )
     room = mrjax.Box((box * spacing,) * 3, (True,) * 3)
-    run = mrjax.simulate(state, dry, room, duration=0.03, frames=20, trajectory=True)
+    run = mrjax.simulate(state, dry, room, duration=0.03, frames=20, trajectory=True, skin=1.0)
     return state, dry, run
 
 
@@ -340,7 +346,7 @@ def test_it_is_in_the_default_list_unless_its_coefficient_is_zero():
         _, contact = active_forces(None, sticky(hamaker=hamaker))
         assert contact == Contact(ActiveLaws(sliding=False, rolling=False, damped=False))
     _, alone = active_forces([mrjax.Gravity(), Contact()], sticky())
-    assert not alone.laws.attracted
+    assert alone.laws.attraction is None
 
 
 def test_a_missing_coefficient_is_refused():
@@ -350,3 +356,73 @@ def test_a_missing_coefficient_is_refused():
         mrjax.bond_number(glass(layer_thickness=LAYER))
     with pytest.raises(mrjax.InputError, match=r"layer_thickness = 0\.0 must be above 0"):
         mrjax.contact_forces(TRIO, sticky(layer_thickness=0.0), ROOM)
+
+
+# --- soft surfaces --------------------------------------------------------------------------------
+
+
+SOFT = dict(modulus=1e6 / (2.0 * (1.0 - 0.3**2)), radius=0.5)
+"""Two spheres of 1 m and 1 MPa, as a peer was measured, with w = 100 J/m^2."""
+TEAR_OFF = 0.75 * (
+    (0.5 * PULL_OFF / (RADIUS / 2.0)) ** 2 * (RADIUS / 2.0) / (1e5 / (2.0 * (1.0 - 0.3**2))) ** 2
+) ** (1 / 3)
+"""3/4 (pi^2 w^2 R* / E*^2)^(1/3) of two beads of 0.1 MPa, as DMT has F_c = 2 pi w R*."""
+JKR_PULL_OFF = 1.5 * np.pi * 100.0 * 0.5
+
+
+def test_jkr_has_its_exact_values():
+    """Pull-off, first touch, rest and tear-off; LAMMPS' pull-off for the same spheres is 235.58."""
+    modulus, radius = SOFT["modulus"], SOFT["radius"]
+    adhesion = np.pi * 100.0 * radius
+    tear = 0.75 * (np.pi**2 * 100.0**2 * radius / modulus**2) ** (1 / 3)
+    force = jax.jit(partial(attraction_law.jkr_force, pull_off=JKR_PULL_OFF, **SOFT))
+    assert float(attraction_law.tear_off_gap(JKR_PULL_OFF, **SOFT)) == near(tear, rel=1e-12)
+    # 3e-5 of F_c, as the slope is infinite there.
+    assert float(force(-tear)) == near(-5.0 / 6.0 * adhesion, rel=1e-4)
+    assert float(force(0.0)) == near(-4.0 / 3.0 * adhesion, rel=1e-12)
+    deep = np.linspace(-tear, 0.0, 100001)
+    assert float(np.min(force(deep))) == near(-235.62, rel=1e-5)
+    # The contact radius a, by the two equations of the law at any overlap.
+    a = np.geomspace(1.001, 1e3, 50) * (adhesion * radius / (8.0 * modulus)) ** (1 / 3)
+    overlap = a**2 / radius - np.sqrt(2.0 * np.pi * a * 100.0 / modulus)
+    expected = 4.0 * modulus * a**3 / (3.0 * radius) - np.sqrt(
+        8.0 * adhesion / radius * modulus * a**3
+    )
+    np.testing.assert_allclose(force(overlap), expected, rtol=1e-9, atol=1e-9 * JKR_PULL_OFF)
+
+
+def test_a_soft_contact_holds_until_its_neck_tears():
+    """It acts from the first touch on; apart for the first time, or torn, nothing acts."""
+    parameters = sticky(elastic_modulus=1e5)
+    law, contact = VanDerWaals(law="jkr"), Contact().active(parameters)
+    reach = float(law.reach(parameters))
+    touched, found = 0.0, []
+    for gap in (0.5 * reach, -1e-5, 0.5 * reach, 1.01 * reach, 0.5 * reach):
+        size, memory = pulls(gap, parameters, law=law, touched=jnp.full(1, touched))
+        touched = float(memory["touched"][0])
+        found.append(size + pull(gap, parameters, law=contact))
+    modulus = 1e5 / (2.0 * (1.0 - 0.3**2))
+    neck, deep = (
+        -float(attraction_law.jkr_force(depth, 0.75 * PULL_OFF, modulus, RADIUS / 2.0))
+        for depth in (-0.5 * reach, 1e-5)
+    )
+    np.testing.assert_allclose(found, [0.0, deep, neck, 0.0, 0.0], rtol=1e-9)
+    assert reach == near(1.001 * TEAR_OFF, rel=1e-9) and neck > 0.0
+
+
+def test_friction_of_soft_surfaces_feels_their_pull_off_force():
+    parameters = sticky(friction=0.3, elastic_modulus=1e5)
+    contact, law = active_forces([Contact(), VanDerWaals(law="jkr")], parameters)
+    assert contact.laws.attraction == "jkr" and law.memory()["touched"].size == 1
+    coated = mrjax.particle.coated_particle(parameters)
+    own = contact.coefficients(parameters, effective.SurfacePairs.by_kind(False, coated))
+    assert float(own.pull_off) == near(0.75 * PULL_OFF, rel=1e-12)
+    net = pull(-1e-5, parameters, law=contact) + pull(-1e-5, parameters, law=law)
+    modulus = 1e5 / (2.0 * (1.0 - 0.3**2))
+    exact = attraction_law.jkr_force(1e-5, 0.75 * PULL_OFF, modulus, RADIUS / 2.0)
+    assert -net == near(float(exact), rel=1e-9)
+
+
+def test_an_unknown_law_is_refused():
+    with pytest.raises(mrjax.InputError, match="law = 'hertz': give 'dmt' or 'jkr'"):
+        active_forces([VanDerWaals(law="hertz")], sticky())
