@@ -1,5 +1,7 @@
 from .calibration import Calibration as Calibration
 from .calibration import run as run
+from .comparison.compare import Comparison as Comparison
+from .comparison.compare import compare as compare
 from .experiment.experiment import Experiment as Experiment
 from .experiment.simulator import Simulator as Simulator
 from .inference.identify import Identification as Identification

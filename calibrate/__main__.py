@@ -57,6 +57,7 @@ def _new_experiment(context: click.Context, _option: click.Parameter, file: Path
       mrjax-calibrate mine.toml --model column --starts 8 --posterior --resume   # if stopped
       mrjax-calibrate mine.toml --begin-with closed-form
       mrjax-calibrate mine.toml --leave-one-out
+      mrjax-calibrate mine.toml --compare
       mrjax-calibrate mine.toml --predict new.toml --like A
     """,
 )
@@ -97,6 +98,11 @@ def _new_experiment(context: click.Context, _option: click.Parameter, file: Path
     metavar="SIGMAS",
     help="Residuals beyond this count linearly, so that outliers have less weight.",
 )
+@click.option(
+    "--compare",
+    is_flag=True,
+    help="Fits nested columns instead: which effects do the data ask for?",
+)
 @click.option("--posterior", is_flag=True, help="Samples the posterior; needs mrjax[posterior].")
 @click.option("--leave-one-out", is_flag=True, help="Predicts each sample from the others, too.")
 @click.option(
@@ -121,6 +127,7 @@ def cli(
     begin_with: str | None,
     starts: int,
     robust: float | None,
+    compare: bool,
     posterior: bool,
     leave_one_out: bool,
     predict: str | None,
@@ -133,6 +140,8 @@ def cli(
     as_json: bool,
 ) -> None:
     """Fits an experiment and reports."""
+    if compare:
+        _refuse_beside_compare()
     environment.start_jax(dtype)
     import calibrate
     from calibrate.calibration import Options
@@ -145,6 +154,18 @@ def cli(
         for name, file in loaded.data_as_understood.items():
             echo(f"Sample {name}: {file.line}")
     _warn(loaded.warnings)  # first, since they may make the work unnecessary
+    if compare:
+        _compare(
+            loaded,
+            out,
+            starts=starts,
+            seed=seed,
+            dtype=dtype,
+            resume=resume,
+            quiet=quiet,
+            as_json=as_json,
+        )
+        return
     _refuse_options(model, begin_with, predict, like)
     run_options = Options(model, begin_with, starts, seed, robust, posterior, leave_one_out)
     run_options.refuse(loaded)
@@ -168,6 +189,57 @@ def cli(
     _warn(result["warnings"][len(loaded.warnings) :])
     _warn_of_misfit(result)
     _refuse_untrusted(calibration, result, folder)
+
+
+def _refuse_beside_compare() -> None:
+    """Refuses options that `--compare` does not take.
+
+    Raises:
+      InputError: such an option was given.
+    """
+    context = click.get_current_context()
+    taken = {"experiment", "out", "compare", "starts", "resume", "seed", "dtype", "quiet"}
+    for name, value in context.params.items():
+        if name in {*taken, "as_json"} or (name, value) == ("model", "column"):
+            continue
+        if context.get_parameter_source(name) is click.core.ParameterSource.COMMANDLINE:
+            option = f"--{name.replace('_', '-')}"
+            raise InputError(
+                f"{option}: is not for --compare, which fits nested models with --model column; "
+                "leave one of the two out"
+            )
+
+
+def _compare(
+    experiment: "Experiment",
+    out: str,
+    *,
+    starts: int,
+    seed: int,
+    dtype: str,
+    resume: bool,
+    quiet: bool,
+    as_json: bool,
+) -> None:
+    """Fits nested models, writes the comparison and prints the verdicts."""
+    import calibrate
+    from calibrate.comparison import tables
+    from mrjax.cli.resume import checkpointed
+    from mrjax.io import files
+
+    folder = files.result_folder(Path(out))
+    work = dict(command="compare", experiment=experiment, starts=starts, seed=seed, dtype=dtype)
+    with checkpointed(folder, resume, quiet, ["compare.json", "compare.md"], **work) as checkpoint:
+        comparison = calibrate.compare(
+            experiment, starts=starts, seed=seed, checkpoint=checkpoint, progress=not quiet
+        )
+        result = tables.write(comparison, folder)
+    if as_json:
+        click.echo(files.as_json(result, ascii_only=True))
+    elif not quiet:
+        for line in tables.in_words(result):
+            echo(line)
+        echo(f"Comparison: {folder / 'compare.md'}")
 
 
 def _print(result: dict[str, Any], folder: Path) -> None:

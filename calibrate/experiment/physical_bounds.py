@@ -9,7 +9,7 @@ from typing import Any
 from calibrate.experiment.experiment import Experiment
 from calibrate.experiment.free_parameters import FreeParameter
 from calibrate.experiment.sample import Sample
-from calibrate.experiment.suspension import BED, CLOSURE, LARGEST_TILT, TILT
+from calibrate.experiment.suspension import BED, CLOSURE, LARGEST_TILT, SPREAD, TILT
 from mrjax.laws import drag
 from mrjax.laws.closures.carman_kozeny import SPARSEST_PACKING
 from mrjax.recipe.plausibility import LARGEST_BOX
@@ -56,8 +56,9 @@ TUBE_BOUNDS = {
     "compression.exponent": (0.1, 100.0),
     "delay": (1e-3, 1e9),
     TILT: (1e-3, LARGEST_TILT),
+    SPREAD: (1.0, 10.0),
 }
-"""Bounds of the quantities of a tube, in SI."""
+"""Bounds of the quantities of a tube, and of the spread of sizes, in SI."""
 DENSER = 1e-3
 """Least relative excess of the volume fraction of a bed over that of its suspension."""
 NEAREST = 1e-9

@@ -18,8 +18,11 @@ from mrjax.recipe.sheets import did_you_mean
 BED = "bed_fraction"
 CLOSURE = "f_w."
 """Prefix of the name of a coefficient of the closure: `f_w.exponent`."""
+FLOC_VOLUME = "floc_volume"
 COMPRESSION = ("compression.gel_fraction", "compression.stress", "compression.exponent")
 """The coefficients of a yielding bed."""
+SPREAD = "geometric_standard_deviation"
+"""The spread of the diameters about that of a recipe of one size."""
 TILT = "tilt"
 LARGEST_TILT = 60.0
 """Tilt of a tube, degrees, up to which its rate of settling is known."""
@@ -54,6 +57,9 @@ class Suspension:
     """Time scale of aggregation at the start, s, (); None without a delay."""
     tilt: ArrayLike | None = None
     """Angle of the tube from the vertical, degrees, (); None for an upright tube."""
+    spread: ArrayLike | None = None
+    """Geometric standard deviation of the diameters, log-normal by volume, about the median of the
+    recipe; 1, (). None for the sizes of the recipe."""
 
     def at(self, volume_fraction: ArrayLike) -> "Suspension":
         """The same particles in another amount of fluid.
@@ -77,7 +83,7 @@ def suspension(
       recipe: the lab sheet.
       bed_fraction: volume fraction of the bed at rest, unless it is changed.
       changes: new values by name: a leaf of `Parameters`, a coefficient of the recipe's closure of
-        f_w (`f_w.exponent`), `bed_fraction`, or a quantity of the tube (`TUBE`).
+        f_w (`f_w.exponent`), `bed_fraction`, `SPREAD`, or a quantity of the tube (`TUBE`).
     """
     leaves = {name: value for name, value in changes.items() if name in LEAVES}
     coefficients = {
@@ -100,6 +106,9 @@ def suspension(
     bed = changes.get(BED, bed_fraction)
     if bed is None and compression is not None:
         bed = _densest(closure)
+    if BED in changes and FLOC_VOLUME in coefficients:
+        # A fit of both stays where the closure holds: flocs fill the bed, and no bed is denser.
+        bed = jnp.minimum(bed, _full_of_flocs(coefficients[FLOC_VOLUME]))
     return Suspension(
         parameters,
         fraction,
@@ -109,15 +118,21 @@ def suspension(
         compression,
         changes.get("delay"),
         changes.get(TILT),
+        changes.get(SPREAD),
     )
 
 
 def _densest(closure: Hindrance | None) -> Array:
     """The volume fraction that a yielding bed does not exceed; flocs fill it at 1 / C."""
-    flocs = getattr(closure, "keywords", {}).get("floc_volume")
+    flocs = getattr(closure, "keywords", {}).get(FLOC_VOLUME)
     if flocs is None:
         return jnp.asarray(DENSEST, float)
-    return jnp.minimum(DENSEST, 0.999 / jnp.asarray(flocs, float))
+    return jnp.minimum(DENSEST, _full_of_flocs(flocs))
+
+
+def _full_of_flocs(floc_volume: ArrayLike) -> Array:
+    """Volume fraction of the solids where flocs all but fill the space; ()."""
+    return 0.999 / jnp.asarray(floc_volume, float)
 
 
 def refuse_unknown(name: str, recipe: Recipe, parameters: Parameters) -> None:
@@ -132,6 +147,13 @@ def refuse_unknown(name: str, recipe: Recipe, parameters: Parameters) -> None:
     """
     if name == BED or name in TUBE:
         return
+    if name == SPREAD:
+        if jnp.ndim(parameters.radius):
+            raise InputError(
+                f"the recipe {recipe.name} states its sizes; give [particle] one diameter, the "
+                "median, to fit their spread"
+            )
+        return
     if name.startswith(CLOSURE):
         known = _coefficients(recipe)
         if not known:
@@ -143,7 +165,7 @@ def refuse_unknown(name: str, recipe: Recipe, parameters: Parameters) -> None:
             raise InputError(f"its closure has no such coefficient; known: {', '.join(known)}")
         return
     if name not in LEAVES:
-        known = [*FACTORS, BED, *TUBE, *_coefficients(recipe)]
+        known = [*FACTORS, BED, *TUBE, SPREAD, *_coefficients(recipe)]
         raise InputError(
             f"no such quantity; {did_you_mean(name, [*known, *LEAVES])}known: {', '.join(known)}, "
             "and the other leaves of mrjax.Parameters"

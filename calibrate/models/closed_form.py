@@ -17,6 +17,7 @@ from calibrate.models.prediction import (
     forever,
     layers,
     prediction,
+    refuse_spread,
     refuse_yielding,
     terminal_velocities,
     tilt_of,
@@ -43,6 +44,7 @@ def closed_form(
       InputError: the bed is needed, and its volume fraction is not known.
     """
     refuse_yielding(sample, near, "closed-form")
+    refuse_spread(sample, near, "closed-form")
     bed = simulated_fraction(sample, near, seed, varied, checkpoint)
     reading_times = jnp.asarray(sample.times, float)
 

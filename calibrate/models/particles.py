@@ -10,7 +10,13 @@ from calibrate.experiment.sample import Sample
 from calibrate.experiment.suspension import BED, Suspension
 from calibrate.models.bed import final_ratio, needs_a_bed, refuse_other_paths, to_rest
 from calibrate.models.falling import fall, falls
-from calibrate.models.prediction import ForwardModel, Prediction, prediction, refuse_yielding
+from calibrate.models.prediction import (
+    ForwardModel,
+    Prediction,
+    prediction,
+    refuse_spread,
+    refuse_yielding,
+)
 from mrjax import InputError
 from mrjax.observables import interface
 
@@ -38,6 +44,7 @@ def particles(
     falling = mrjax.terminal_velocity(near.parameters)
     reading_times = jnp.asarray(sample.times, float)
     refuse_yielding(sample, near, "particles")
+    refuse_spread(sample, near, "particles")
     for word, value in (("delay", near.delay), ("tilt", near.tilt)):
         if value is not None:
             raise InputError(

@@ -23,7 +23,7 @@ from calibrate.models.prediction import (
 )
 from mrjax.continuum.layers import layer_ends
 from mrjax.continuum.sizes import interfaces, masliyah
-from mrjax.recipe.size_classes import SizeClasses
+from mrjax.recipe.size_classes import SizeClasses, log_normal_classes
 
 CLASSES = 10
 """Classes of a continuous distribution."""
@@ -35,7 +35,10 @@ SHARE = 0.1
 
 def has_several_sizes(suspension: Suspension) -> bool:
     """True if the particles of a suspension fall at several velocities."""
-    return jnp.ndim(mrjax.terminal_velocity(suspension.parameters)) > 0
+    return (
+        suspension.spread is not None
+        or jnp.ndim(mrjax.terminal_velocity(suspension.parameters)) > 0
+    )
 
 
 def polydisperse(
@@ -47,7 +50,8 @@ def polydisperse(
 ) -> ForwardModel:
     """The tube of a recipe of several sizes, by finite volumes (`mrjax.polydisperse_column`).
 
-    A continuous distribution is divided into ten classes of equal volume. The mudline is that of
+    A continuous distribution, that of the recipe or one of a fitted spread, is divided into ten
+    classes of equal volume. The mudline is that of
     the sample's `mudline_threshold`. The initial velocity is its fall over a tenth of the height.
 
     Raises:
@@ -56,7 +60,7 @@ def polydisperse(
     """
     refuse_yielding(sample, near, "column for several sizes")
     bed = simulated_fraction(sample, near, seed, varied, checkpoint)
-    classes = sample.recipe.size_classes(CLASSES)
+    classes = classes_of(sample, near)
     reading_times = jnp.asarray(sample.times, float)
     velocity_is_measured = bool(sample.fractions) or any(
         measurement.observable == "initial_velocity" for measurement in sample.measurements
@@ -109,9 +113,21 @@ def polydisperse(
     return predict
 
 
+def classes_of(sample: Sample, near: Suspension) -> SizeClasses:
+    """The classes of a sample's recipe, or classes of equal volume if a spread is fitted."""
+    classes = sample.recipe.size_classes(CLASSES)
+    if near.spread is None:
+        return classes
+    return classes._replace(volume_fraction=jnp.full(CLASSES, near.volume_fraction / CLASSES))
+
+
 def parameters_of(classes: SizeClasses, suspension: Suspension) -> mrjax.Parameters:
     """The parameters of a suspension with one radius for each class, (K,)."""
-    return suspension.parameters.replace(radius=classes.parameters.radius)
+    radius = classes.parameters.radius
+    if suspension.spread is not None:
+        relative = log_normal_classes(suspension.spread, classes.volume_fraction.size)
+        radius = suspension.parameters.radius * relative
+    return suspension.parameters.replace(radius=radius)
 
 
 def fractions_of(classes: SizeClasses, suspension: Suspension) -> Array:

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from calibrate.experiment.sample import Sample
-from calibrate.experiment.suspension import Suspension
+from calibrate.experiment.suspension import SPREAD, Suspension
 from mrjax import InputError, terminal_velocity
 from mrjax.continuum.clock import delayed_times
 from mrjax.continuum.tilt import Tilt
@@ -83,6 +83,19 @@ def refuse_yielding(sample: Sample, near: Suspension, model: str) -> None:
 def forever() -> Array:
     """A time by which an ageing carrier has stopped every particle; s, (1,)."""
     return jnp.full(1, yield_stress.FOREVER)
+
+
+def refuse_spread(sample: Sample, near: Suspension, model: str) -> None:
+    """Refuses a fitted spread of sizes for a model that takes the sizes of the recipe.
+
+    Raises:
+      InputError: the spread is fitted.
+    """
+    if near.spread is not None:
+        raise InputError(
+            f"sample {sample.name!r}: its {SPREAD} is for several sizes in a column, and the model "
+            f"{model} takes the sizes of the recipe; fit with column"
+        )
 
 
 def terminal_velocities(sample: Sample, suspension: Suspension) -> Array:

@@ -36,13 +36,18 @@ def quick_column(
     """
     if near.compression is not None and not has_several_sizes(near):
         return yielding(sample, near, CELLS, STEPS)
-    diameter = sample.recipe.particle.diameter
-    if isinstance(diameter, float) or not has_several_sizes(near):
+    if not has_several_sizes(near):
         return column(sample, near, seed, varied, checkpoint)
-    radius = jnp.asarray(diameter.settling_diameter / 2, float)
+    diameter = sample.recipe.particle.diameter
 
     def one_size(suspension: Suspension) -> Suspension:
-        return replace(suspension, parameters=suspension.parameters.replace(radius=radius))
+        if isinstance(diameter, float):
+            assert suspension.spread is not None
+            radius = suspension.parameters.radius * jnp.exp(jnp.log(suspension.spread) ** 2)
+        else:
+            radius = jnp.asarray(diameter.settling_diameter / 2, float)
+        parameters = suspension.parameters.replace(radius=radius)
+        return replace(suspension, parameters=parameters, spread=None)
 
     settle = column(sample, one_size(near), seed, varied, checkpoint)
 

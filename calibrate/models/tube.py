@@ -41,7 +41,7 @@ def tube(sample: Sample, suspension: Suspension, bed_fraction: ArrayLike) -> Tub
     """
     parameters, fraction = suspension.parameters, suspension.volume_fraction
     if polydisperse.has_several_sizes(suspension):
-        classes = sample.recipe.size_classes(polydisperse.CLASSES)
+        classes = polydisperse.classes_of(sample, suspension)
         parameters = polydisperse.parameters_of(classes, suspension)
         fraction = polydisperse.fractions_of(classes, suspension)
     case = Case(

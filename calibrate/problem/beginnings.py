@@ -13,6 +13,7 @@ from calibrate.least_squares.scout import DRAWN, scout
 from calibrate.least_squares.unknowns import unknowns
 from calibrate.models.bed import needs_a_bed
 from calibrate.models.forward_models import cheap_model, forward_model
+from calibrate.models.polydisperse import has_several_sizes
 from calibrate.models.prediction import ForwardModelMaker
 from calibrate.problem.initial_slope import with_initial_slopes
 from calibrate.problem.problem import Problem
@@ -98,10 +99,12 @@ def begin(
 
 def _has_costly_columns(experiment: Experiment) -> bool:
     """True if the layers of a tube must be solved for: several sizes, or a yielding bed."""
+    suspensions = (
+        experiment.suspension_of(sample, experiment.start) for sample in experiment.samples
+    )
     return any(
-        not isinstance(sample.recipe.particle.diameter, float)
-        or experiment.suspension_of(sample, experiment.start).compression is not None
-        for sample in experiment.samples
+        has_several_sizes(suspension) or suspension.compression is not None
+        for suspension in suspensions
     )
 
 

@@ -113,12 +113,9 @@ def _experiment_with_scatter(problem: Problem, fit: Fit) -> Experiment:
     return replace(problem.experiment, samples=tuple(samples))
 
 
-def places_of_scatter(problem: Problem, fit: Fit) -> list[np.ndarray]:
-    """Indices of the measurements of each scatter that was estimated from the residuals.
-
-    Robust fits have none, and a scatter at its lower limit is left out.
-    """
-    experiment, groups = problem.experiment, []
+def groups_of_scatter(experiment: Experiment) -> list[tuple[np.ndarray, Scatter]]:
+    """Indices of the measurements of each scatter that is estimated from the residuals."""
+    groups = []
     for sample, place in experiment.by_sample():
         chosen = [
             (_in_velocity_table(sample), sample.scatter),
@@ -126,18 +123,26 @@ def places_of_scatter(problem: Problem, fit: Fit) -> list[np.ndarray]:
             *((_in_local_table(sample, table), table.scatter) for table in sample.concentrations),
         ]
         groups += [
-            (place.start + np.flatnonzero(is_in_group), scatter) for is_in_group, scatter in chosen
+            (place.start + np.flatnonzero(is_in_group), scatter)
+            for is_in_group, scatter in chosen
+            if scatter is not None and scatter.source == "fit"
         ]
-    if isinstance(
-        scatter := getattr(experiment, "scatter", None), Scatter
-    ):  # scatter of a simulator
-        groups.append((np.arange(fit.residuals.size), scatter))
+    return groups
+
+
+def places_of_scatter(problem: Problem, fit: Fit) -> list[np.ndarray]:
+    """Indices of the measurements of each scatter that was estimated from the residuals.
+
+    Robust fits have none, and a scatter at its lower limit is left out.
+    """
+    groups = groups_of_scatter(problem.experiment)
+    of_simulator = getattr(problem.experiment, "scatter", None)
+    if isinstance(of_simulator, Scatter) and of_simulator.source == "fit":
+        groups.append((np.arange(fit.residuals.size), of_simulator))
     return [
         places
         for places, scatter in groups
         if fit.robust is None
-        and scatter is not None
-        and scatter.source == "fit"
         and np.sum(fit.residuals[places] ** 2) > 0.9 * scatter.degrees_of_freedom
     ]
 

@@ -2,8 +2,11 @@
 
 from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.typing import ArrayLike
+from scipy.special import ndtri
 
 from mrjax.core import checks
 from mrjax.core.parameters import Parameters
@@ -46,7 +49,24 @@ def divide(diameter: float | Sizes, count: int) -> tuple[np.ndarray, np.ndarray]
         return np.array([diameter]), np.ones(1)
     if isinstance(diameter, Classes):
         return diameter.by_volume()
-    node, weight = np.polynomial.legendre.leggauss(NODES)
-    quantiles = (np.arange(count)[:, None] + 0.5 * (node + 1.0)) / count
-    squares = diameter.volume_quantiles(quantiles) ** 2 @ (0.5 * weight)
+    quantiles, weight = _quantiles(count)
+    squares = diameter.volume_quantiles(quantiles) ** 2 @ weight
     return np.sqrt(squares), np.full(count, 1.0 / count)
+
+
+def log_normal_classes(geometric_standard_deviation: ArrayLike, count: int) -> Array:
+    """Returns the diameters of `divide` for a log-normal distribution, over its median; 1, (K,).
+
+    Args:
+      geometric_standard_deviation: of the diameters, by volume; 1, ().
+      count: number K of classes.
+    """
+    quantiles, weight = _quantiles(count)
+    squares = jnp.asarray(geometric_standard_deviation, float) ** (2.0 * ndtri(quantiles))
+    return jnp.sqrt(squares @ weight)
+
+
+def _quantiles(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Returns quantiles of K classes of equal volume, (K, NODES), and their weights, (NODES,)."""
+    node, weight = np.polynomial.legendre.leggauss(NODES)
+    return (np.arange(count)[:, None] + 0.5 * (node + 1.0)) / count, 0.5 * weight

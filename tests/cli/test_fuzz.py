@@ -403,6 +403,7 @@ def nothing_is_computed(monkeypatch, tmp_path):
     monkeypatch.setattr(processes, "join", reached)
     monkeypatch.setattr(runs, "simulated", reached)
     monkeypatch.setattr(calibrate.calibration, "fit_experiment", reached)
+    monkeypatch.setattr(calibrate.comparison.compare, "fit_experiment", reached)
 
 
 TOLD = st.sampled_from(
@@ -411,6 +412,7 @@ TOLD = st.sampled_from(
         *("--out", "--seed", "--frames", "--dtype", "--duration", "--time-step", "--ensemble"),
         *("--overlap", "--distributed", "--quiet", "--json", "--help", "--version", "--model"),
         *("--starts", "--robust", "--posterior", "--leave-one-out", "--predict", "--like", "-x"),
+        "--compare",
         *("--begin-with", "fang2005", "synthetic", "closed-form", "column", "A", "B", "float32"),
         *("0", "1", "-1", "nan", "inf", "1e300", "1e-300", "0.02", "64", "", "--", "-", "--out="),
         *("here:1,2,0", "here:99999,2,1", "auto", "a\nb", "\0", "\udcff", "é", "9" * 5000, "."),

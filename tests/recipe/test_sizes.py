@@ -2,6 +2,7 @@
 
 from functools import partial
 
+import jax
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -10,6 +11,7 @@ from scipy.stats import lognorm
 import mrjax
 from mrjax.laws import particle
 from mrjax.recipe import sizes
+from mrjax.recipe.size_classes import log_normal_classes
 
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 
@@ -170,3 +172,11 @@ def test_wrong_sizes_get_one_line(diameter, words, case2, tmp_path):
     message = str(refusal.value)
     assert message.startswith("mine.toml: ") and "\n" not in message
     assert all(word in message for word in words), message
+
+
+def test_classes_of_a_fitted_spread_have_exact_derivatives():
+    slope = jax.jacfwd(lambda spread: log_normal_classes(spread, 5))(1.5)
+    step = 1e-6
+    above, below = log_normal_classes(1.5 + step, 5), log_normal_classes(1.5 - step, 5)
+    np.testing.assert_allclose(slope, (above - below) / (2.0 * step), rtol=1e-8)
+    np.testing.assert_array_equal(log_normal_classes(1.0, 5), np.ones(5))

@@ -11,10 +11,10 @@ import pytest
 import calibrate
 import mrjax
 from calibrate.experiment.sample import Measurement, Point, Sample
-from calibrate.experiment.suspension import suspension
+from calibrate.experiment.suspension import refuse_unknown, suspension
 from calibrate.models import polydisperse
 from calibrate.models.column import column
-from calibrate.models.forward_models import cheap_model
+from calibrate.models.forward_models import FORWARD_MODELS, cheap_model
 from calibrate.models.quick_column import quick_column
 
 HEIGHT, BED, CELLS = 0.3, 0.5, 60
@@ -117,6 +117,32 @@ def test_searches_take_the_size_of_the_mean_velocity():
     exact = predicted(powder(diameter))["mudline"]
     assert np.asarray(cheap) == near(np.asarray(exact), rel=1e-12)
     assert jnp.all(predicted(EQUAL, model=quick_column)["mudline"] == predicted(EQUAL)["mudline"])
+
+
+def test_a_fitted_spread_is_that_of_a_recipe():
+    """Ten classes of a spread about one diameter are those of the recipe that states it."""
+    changes = {"geometric_standard_deviation": 1.4}
+    fitted = column(sample(EQUAL), suspension(EQUAL, BED, changes))(suspension(EQUAL, BED, changes))
+    stated = predicted(SPREAD)
+    for name in ("mudline", "initial_velocity"):
+        assert np.asarray(fitted[name]) == near(np.asarray(stated[name]), rel=1e-12)
+
+
+@pytest.mark.parametrize("model", ["closed-form", "particles"])
+def test_a_spread_is_refused_by_models_that_take_the_sizes_of_the_recipe(model):
+    with pytest.raises(mrjax.InputError, match="takes the sizes of the recipe; fit with column"):
+        FORWARD_MODELS[model](
+            sample(EQUAL),
+            suspension(EQUAL, BED, {"geometric_standard_deviation": 1.4}),
+            0,
+            (),
+            None,
+        )
+
+
+def test_a_spread_of_a_recipe_of_several_sizes_is_refused():
+    with pytest.raises(mrjax.InputError, match="give \\[particle\\] one diameter"):
+        refuse_unknown("geometric_standard_deviation", SPREAD, SPREAD.parameters())
 
 
 def test_a_bed_that_is_not_known_is_refused():

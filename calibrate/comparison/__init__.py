@@ -1,0 +1,1 @@
+"""Nested models of one experiment: which effects do the data ask for?"""

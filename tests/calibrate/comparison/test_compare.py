@@ -1,0 +1,163 @@
+"""A comparison of models: evidence, verdicts, the readings that would decide, the command."""
+
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import calibrate
+import calibrate.__main__
+import mrjax
+from calibrate.comparison import compare as comparing
+from calibrate.comparison.compare import (
+    ASKED_FOR,
+    NOT_NEEDED,
+    NOT_TRIED,
+    UNDECIDED,
+    Candidate,
+    _verdict,
+    compare,
+)
+from calibrate.comparison.deciding import deciding_readings
+from calibrate.comparison.effects import DELAY_AT_START, FLOCS, SIZES, with_effects
+from calibrate.comparison.evidence import Evidence, evidence
+from calibrate.comparison.tables import in_words, markdown, tables
+from calibrate.experiment.sample import Scatter
+from calibrate.problem.problem import Problem
+from tests.builders.result_keys import documented
+from tests.calibrate.comparison.test_effects import FALL, experiment
+
+DELAYED = {"f_s": 1.1, "bed_fraction[A]": 0.3, "delay": 0.1 * FALL}
+
+
+def candidate(effects, bic, left_out, usable=True):
+    found = Evidence(0.0, 0.0, 0, bic, np.array([left_out - 0.5, 0.5]))
+    return Candidate(tuple(effects), None, SimpleNamespace(converged=usable), found)
+
+
+def verdict(effect, *candidates):
+    return _verdict(
+        effect, sorted(candidates, key=lambda one: (not one.usable, one.evidence.bic)), None
+    )
+
+
+PLAIN = candidate([], 100.0, 90.0)
+
+
+def test_an_effect_is_asked_for_if_all_models_without_it_are_clearly_worse():
+    delay = candidate([DELAY_AT_START], 80.0, 70.0)
+    found = verdict(DELAY_AT_START, PLAIN, delay)
+    assert (found.word, found.gain, found.left_out_gain) == (ASKED_FOR, 20.0, 20.0)
+    assert verdict(FLOCS, PLAIN, delay, candidate([FLOCS], 102.0, 92.0)).word == NOT_NEEDED
+    assert verdict(SIZES, PLAIN, candidate([SIZES], 50.0, 50.0, usable=False)).word == NOT_TRIED
+
+
+def test_two_effects_that_explain_the_same_are_both_undecided():
+    models = PLAIN, candidate([DELAY_AT_START], 80.0, 70.0), candidate([FLOCS], 81.0, 71.0)
+    assert verdict(DELAY_AT_START, *models).word == UNDECIDED
+    found = verdict(FLOCS, *models)
+    assert found.word == UNDECIDED
+    assert "flocs explains the readings nearly as well as delay" in found.reason
+
+
+def test_a_small_gain_and_one_that_readings_left_out_do_not_confirm_are_undecided():
+    assert verdict(FLOCS, PLAIN, candidate([FLOCS], 98.0, 80.0)).word == UNDECIDED
+    assert verdict(FLOCS, PLAIN, candidate([FLOCS], 80.0, 91.0)).word == UNDECIDED
+
+
+def test_evidence_of_stated_and_of_estimated_errors():
+    """A linear model with known numbers: chi-squared, N ln(sum r^2 / N), leverages."""
+    bare = experiment()
+    problem = SimpleNamespace(experiment=bare)
+    residuals = np.array([1.0, -2.0, 0.5, 0.0, 1.0, -1.0])
+    jacobian = np.ones((6, 1))
+    fit = SimpleNamespace(
+        residuals=residuals,
+        jacobian=jacobian,
+        prior_precision=np.array([4.0]),
+        values=np.array([np.exp(0.5)]),
+        names=("f_s",),
+        chi_squared=float(residuals @ residuals),
+    )
+    squares, of_prior, penalty = 7.25, (0.5 / 0.5) ** 2, np.log(6.0)
+    stated = evidence(problem, fit)
+    assert stated.deviance == pytest.approx(squares + of_prior, rel=1e-12)
+    assert stated.bic == pytest.approx(squares + of_prior + penalty, rel=1e-12)
+    assert stated.left_out == pytest.approx((residuals / 0.9) ** 2, rel=1e-12)  # h = 1 / (6 + 4)
+    assert evidence(problem, fit, 2.0).deviance == pytest.approx(
+        squares / 4.0 + of_prior, rel=1e-12
+    )
+
+    (sample,) = bare.samples
+    scatter = Scatter(2.0, 5.0, "fit")
+    problem.experiment = replace(bare, samples=(replace(sample, curve_scatter=scatter),))
+    estimated = evidence(problem, fit)
+    likelihood = 6.0 * np.log(squares / 6.0 * 2.0**2)
+    assert estimated.deviance == pytest.approx(likelihood + of_prior, rel=1e-12)
+
+
+@pytest.fixture(scope="module")
+def delayed():
+    """A tube whose readings have a delay, and its comparison of plain, flocs and delay."""
+    bare = experiment()
+    problem = Problem.prepare(with_effects(bare, [DELAY_AT_START]), "column")
+    predicted = np.asarray(problem.predict(DELAYED))
+    (sample,) = bare.samples
+    noise = np.random.default_rng(3).standard_normal(predicted.size)
+    readings = tuple(
+        one._replace(value=float(value))
+        for one, value in zip(sample.measurements, predicted + 0.5 * noise, strict=True)
+    )
+    exact = replace(bare, samples=(replace(sample, measurements=readings),))
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(comparing, "EFFECTS", (FLOCS, DELAY_AT_START))
+        return compare(exact)
+
+
+def test_a_delay_is_found_and_flocs_are_not(delayed):
+    words = {found.effect.name: found.word for found in delayed.verdicts}
+    assert words == {"flocs": NOT_NEEDED, "delay": ASKED_FOR}
+    assert delayed.best.effects == (DELAY_AT_START,)
+    fitted = dict(zip(delayed.best.fit.names, delayed.best.fit.values, strict=True))
+    assert fitted["delay"] == pytest.approx(DELAYED["delay"], rel=0.2)
+    assert delayed.decided
+
+
+def test_a_comparison_in_words(delayed):
+    result = tables(delayed)
+    assert json.loads(json.dumps(result["effects"]["delay"]["verdict"])) == ASKED_FOR
+    text = " ".join(in_words(result))
+    assert "Delay: the data ask for it" in text and "Flocs: the data do not need it" in text
+    assert "| delay |" in markdown(result)
+    assert set(result) == documented("compare.json")
+    assert set(result["effects"]["delay"]) == documented("Effects")
+    assert set(result["models"][0]) == documented("Models")
+
+
+def test_readings_that_would_decide_are_those_where_the_models_differ(delayed):
+    by_name = {one.name: one for one in delayed.candidates}
+    (found,) = (one for one in delayed.verdicts if one.effect is DELAY_AT_START)
+    undecided = replace(found, best_with=by_name["delay"], best_without=by_name["plain"])
+    best, *_ = deciding_readings(undecided)
+    assert best.deviations >= 3.0
+    # Half the tube has half the fall, and the same delay.
+    assert best.unit in ("mm", "µm/s")
+    assert not deciding_readings(replace(undecided, best_without=by_name["delay"]))
+
+
+def test_the_command_refuses_what_it_does_not_take(capsys):
+    for words, message in (
+        (["--compare", "--posterior"], "--posterior: is not for --compare"),
+        (["--compare", "--model", "closed-form"], "--model: is not for --compare"),
+    ):
+        with pytest.raises(mrjax.InputError, match=message):
+            calibrate.__main__.cli.main(["fang2005", *words], standalone_mode=False)
+
+
+def test_velocities_alone_are_refused():
+    (sample,) = experiment().samples
+    without = replace(experiment(), samples=(replace(sample, measurements=(), times=()),))
+    with pytest.raises(mrjax.InputError, match="no sample has a curve"):
+        calibrate.compare(without)

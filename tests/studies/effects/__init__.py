@@ -1,0 +1,1 @@
+"""How often a comparison of models finds the effects that are in the data."""
