@@ -1,12 +1,12 @@
 """Classes of particles from the distribution of a lab sheet, for columns of several sizes."""
 
+from statistics import NormalDist
 from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
-from scipy.special import ndtri
 
 from mrjax.core import checks
 from mrjax.core.parameters import Parameters
@@ -62,7 +62,8 @@ def log_normal_classes(geometric_standard_deviation: ArrayLike, count: int) -> A
       count: number K of classes.
     """
     quantiles, weight = _quantiles(count)
-    squares = jnp.asarray(geometric_standard_deviation, float) ** (2.0 * ndtri(quantiles))
+    deviates = np.vectorize(NormalDist().inv_cdf)(quantiles)
+    squares = jnp.asarray(geometric_standard_deviation, float) ** (2.0 * deviates)
     return jnp.sqrt(squares @ weight)
 
 
