@@ -4,6 +4,7 @@ import click
 
 from mrjax.cli import exit_status
 from mrjax.cli.check import check
+from mrjax.cli.column import column
 from mrjax.cli.new import new
 from mrjax.cli.reproduce import reproduce
 from mrjax.cli.simulate import simulate
@@ -15,7 +16,7 @@ def cli() -> None:
     """Settling of magnetorheological fluids by a differentiable discrete element method."""
 
 
-for command in (simulate, new, check, reproduce):
+for command in (simulate, new, check, column, reproduce):
     cli.add_command(command)
 
 

@@ -43,7 +43,7 @@ def test_simulate_writes_its_files(tmp_path, dtype):
     else:
         assert "292 particles settle at 4.895" in out
         assert "2.78% of the weight" in out
-        assert "Reynolds 1.4e-08 (below 0.1)" in out and "Peclet 1.1e+03 (above 10)" in out
+        assert "Reynolds 1.4e-08 (below 0.1)" in out and "Peclet 1.2e+03 (above 10)" in out
     assert summary["settling_velocity_mm_per_day"] == near(4.8955, rel=1e-4)
     assert summary["reynolds_number"] == near(1.41e-8, rel=1e-3)
     assert summary["particles"] == 292
@@ -221,6 +221,28 @@ def test_check_shows_what_follows(tmp_path):
     assert status == 2 and err.startswith("mrjax: case4: no such file")
 
 
+def test_column_settles_a_recipe_and_writes_its_fields(tmp_path):
+    """At rest the floor carries Delta rho g phi_0 H, but for half of the lowest cell."""
+    asked = ("column", "case2", "--height", "0.1", "--hours", "240", "--out", "tube")
+    status, out, err = run(*asked, folder=tmp_path)
+    assert (status, err) == (0, "")
+    assert "settles at 9.1164 mm/day at first. After 240 h its mudline is at 56.2 of 100 mm" in out
+    numbers = json.loads((tmp_path / "tube" / "column.json").read_text())
+    assert set(numbers) == documented("column.json")
+    assert numbers["sedimentation_ratio"] == near(0.337178 / 0.6, rel=1e-5)
+    floor = 6520.0 * 9.81 * (0.337178 * 0.1 - 0.6 * 0.1 / 400)
+    assert numbers["solid_stress_Pa"] == near(floor, rel=1e-4)
+    with (tmp_path / "tube" / "curve.csv").open(newline="") as file:
+        first, *_, last = csv.DictReader(file)
+    assert float(first["mudline_m"]) == near(0.1) and float(last["time_s"]) == 864000.0
+    with np.load(tmp_path / "tube" / "fields.npz") as arrays:
+        assert arrays["volume_fraction"].shape == (101, 200)
+    names = {"column.json", "curve.csv", "fields.csv", "fields.npz", "fields.png"}
+    assert names < {path.name for path in (tmp_path / "tube").iterdir()}
+    status, out, err = run(*asked, "--bed-fraction", "0.2", folder=tmp_path)
+    assert (status, out) == (2, "") and "volume_fraction = 0.337178 must be above 0 and" in err
+
+
 def test_a_sheet_without_moduli_or_box_is_checked_and_not_simulated(tmp_path):
     sheet = """
     name = "chalk"
@@ -288,7 +310,7 @@ def test_calibrate_writes_its_files(tmp_path):
     reynolds = 950.0 * 8e-3 / 86400 * 4e-6 / 0.01
     assert fit["validity"]["A"]["Reynolds"]["value"] == near(reynolds, rel=0.02)
     report = (tmp_path / "fit" / "report.md").read_text()
-    assert "| B | Peclet | 1.1e+03 | above 10 |" in report
+    assert "| B | Peclet | 1.2e+03 | above 10 |" in report
     assert "The fit converged." in report and "61.44 ± 0.77" in report
     page = (tmp_path / "fit" / "report.html").read_text()
     assert "<table>" in page and 'src="http' not in page
@@ -509,13 +531,13 @@ def test_a_shell_completes_commands_options_recipes_and_files(tmp_path):
     (tmp_path / "mine.toml").touch()
     (tmp_path / "other.csv").touch()
     cases = {"plain,case1", "plain,case2", "plain,case3"}
-    everything = {"plain,simulate", "plain,check", "plain,new", "plain,reproduce"}
+    everything = {"plain,simulate", "plain,check", "plain,new", "plain,reproduce", "plain,column"}
     assert completed("mrjax", "mrjax ", tmp_path) == everything
     assert completed("mrjax", "mrjax sim", tmp_path) == {"plain,simulate"}
     assert completed("mrjax", "mrjax simulate --dt", tmp_path) == {"plain,--dtype"}
     types = {"plain,float64", "plain,float32"}
     assert completed("mrjax", "mrjax simulate case2 --dtype ", tmp_path) == types
-    for command in ("simulate", "check"):
+    for command in ("simulate", "check", "column"):
         assert completed("mrjax", f"mrjax {command} ", tmp_path) == {*cases, "plain,mine.toml"}
         assert completed("mrjax", f"mrjax {command} ca", tmp_path) == cases
         # Left to the shell, which knows paths better.

@@ -70,6 +70,7 @@ HEAVY = {
         ("mrjax", ["simulate", "--help"]),
         ("mrjax", ["reproduce", "--help"]),
         ("mrjax", ["check", "--help"]),
+        ("mrjax", ["column", "--help"]),
         ("mrjax", ["--version"]),
         ("calibrate", ["--help"]),
         ("calibrate", ["--version"]),
