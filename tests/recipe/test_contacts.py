@@ -178,3 +178,10 @@ def test_attraction_becomes_leaves_with_the_walls_last():
 def test_attraction_that_cannot_be_is_refused(tables, words):
     with pytest.raises(mrjax.InputError, match=words):
         mrjax.Recipe.load("case2").replace(**tables)
+
+
+def test_walls_that_attract_without_being_stated_are_noted():
+    sheet = mrjax.Recipe.load("case2").replace(attraction={"hamaker": 1e-19})
+    assert any("wall.hamaker = 0" in note for note in sheet.contact_notes)
+    for changes in ({"wall": {"hamaker": 0.0}}, {"attraction": {"hamaker": 0.0}}):
+        assert not any("wall" in note for note in sheet.replace(**changes).contact_notes)
