@@ -44,11 +44,12 @@ def test_the_fields_of_a_yielding_bed_and_of_classes_have_the_predicted_mudline(
     assert settled.solid_stress[-1].max() > 10.0
     monkeypatch.setattr(polydisperse, "CELLS", 30)
     monkeypatch.setattr(polydisperse, "CLASSES", 3)
-    powder, spread = sample(SPREAD), suspension(SPREAD, BED, {"delay": DELAY})
-    settled = tube(powder, spread, BED)
-    model = column(powder, spread)
-    predicted = model(spread, settled.times)["mudline"]
-    np.testing.assert_allclose(settled.mudline, predicted, rtol=1e-6)
+    fitted = {"geometric_standard_deviation": 1.3, "delay": DELAY}
+    for recipe, changes in ((EQUAL, fitted), (SPREAD, {"delay": DELAY})):
+        powder, spread = sample(recipe), suspension(recipe, BED, changes)
+        settled = tube(powder, spread, BED)
+        predicted = column(powder, spread)(spread, settled.times)["mudline"]
+        np.testing.assert_allclose(settled.mudline, predicted, rtol=1e-6)
     assert settled.class_velocities.shape == (TIMES, 3, 30)
     assert not settled.class_velocities[0].any()  # at the start of the delay
 
