@@ -17,6 +17,7 @@ from .continuum.column import column as column
 from .continuum.column import column_steps as column_steps
 from .continuum.column_file import save_column as save_column
 from .continuum.compression import Compression as Compression
+from .continuum.rotor import Rotor as Rotor
 from .continuum.sizes.column import PolydisperseColumn as PolydisperseColumn
 from .continuum.sizes.column import polydisperse_column as polydisperse_column
 from .continuum.tilt import Tilt as Tilt

@@ -9,6 +9,7 @@ from jax import Array
 from jax.typing import ArrayLike, DTypeLike
 
 from mrjax.continuum.compression import Compression
+from mrjax.continuum.rotor import Rotor
 from mrjax.continuum.tilt import Tilt
 from mrjax.core import checks
 from mrjax.core.errors import InputError, shown
@@ -29,6 +30,7 @@ class Case(NamedTuple):
     hindrance: Hindrance | None
     compression: Compression | None
     tilt: Tilt | None = None
+    rotor: Rotor | None = None
 
     def as_arrays(self) -> "Case":
         """Returns the case with the closure and the times as trees of arrays.
@@ -50,8 +52,12 @@ class Case(NamedTuple):
     def sinking(self) -> tuple["Case", Array]:
         """Returns the case with particles that sink, and True, (), if it is a mirror image.
 
-        A column that creams is turned into its mirror image by the sign of gravity.
+        A column that creams is turned into its mirror image by the sign of gravity. In a rotor, the
+        acceleration of the floor takes the place of gravity.
         """
+        if self.rotor is not None:
+            parameters = self.parameters.replace(gravity=self.rotor.floor_acceleration)
+            return self._replace(parameters=parameters), jnp.asarray(False)
         rising = particle.rises(self.parameters)
         gravity = jnp.where(rising, -self.parameters.gravity, self.parameters.gravity)
         return self._replace(parameters=self.parameters.replace(gravity=gravity)), rising

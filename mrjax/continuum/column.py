@@ -15,10 +15,11 @@ import math
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 
-from mrjax.continuum import column_checks, scheme, yielding
+from mrjax.continuum import column_checks, rotor_checks, scheme, yielding
 from mrjax.continuum.case import Case
 from mrjax.continuum.compression import Compression
 from mrjax.continuum.profile import Column as Column
+from mrjax.continuum.rotor import Rotor
 from mrjax.continuum.steps import MOST_STEPS, chosen_steps, fewest_steps
 from mrjax.continuum.tilt import Tilt
 from mrjax.core import checks
@@ -39,6 +40,7 @@ def column(
     hindrance: Hindrance | None = None,
     compression: Compression | None = None,
     tilt: Tilt | None = None,
+    rotor: Rotor | None = None,
     cells: int = 200,
     steps: int | None = None,
 ) -> Column:
@@ -64,6 +66,8 @@ def column(
         depend on the last time.
       tilt: tilt and gap of the tube, in which the suspension settles faster; heights are then
         measured along the tube. By default the tube is upright.
+      rotor: speed and radii of a tube in a centrifuge, whose bed is rigid. Heights are then those
+        above the floor, towards the axis, and `gravity` has no effect.
       cells: number C of cells of equal height.
       steps: number of steps up to the last of the times, or up to the time at which a rigid bed has
         long been at rest; by default that of `column_steps`. With compression, steps grow after the
@@ -86,7 +90,15 @@ def column(
       Array([90.9, 56.2], dtype=float64)
     """
     case = Case(
-        parameters, height, volume_fraction, bed_fraction, times, hindrance, compression, tilt
+        parameters,
+        height,
+        volume_fraction,
+        bed_fraction,
+        times,
+        hindrance,
+        compression,
+        tilt,
+        rotor,
     )
     case, cells, fewest = _check(case, cells)
     steps = (
@@ -119,6 +131,7 @@ def column_steps(
     hindrance: Hindrance | None = None,
     compression: Compression | None = None,
     tilt: Tilt | None = None,
+    rotor: Rotor | None = None,
     cells: int = 200,
 ) -> int:
     """Returns a number of steps for `column`.
@@ -138,13 +151,22 @@ def column_steps(
       hindrance: as for `column`.
       compression: as for `column`.
       tilt: as for `column`.
+      rotor: as for `column`.
       cells: as for `column`.
 
     Raises:
       InputError: an argument cannot be used, or is traced by jit or vmap.
     """
     case = Case(
-        parameters, height, volume_fraction, bed_fraction, times, hindrance, compression, tilt
+        parameters,
+        height,
+        volume_fraction,
+        bed_fraction,
+        times,
+        hindrance,
+        compression,
+        tilt,
+        rotor,
     )
     case, cells, fewest = _check(case, cells)
     return chosen_steps(case, cells, fewest)
@@ -160,4 +182,5 @@ def _check(case: Case, cells: int) -> tuple[Case, int, float | None]:
     """
     case, cells = case.as_arrays(), checks.whole(cells, "cells", MOST_CELLS)
     column_checks.refuse(case)
+    rotor_checks.refuse(case)
     return case, cells, fewest_steps(case, cells)

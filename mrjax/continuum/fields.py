@@ -15,6 +15,7 @@ from jax import Array
 
 from mrjax.continuum import kynch
 from mrjax.continuum.case import Case
+from mrjax.continuum.rotor import Rotor
 from mrjax.laws import particle, yield_stress
 
 
@@ -33,6 +34,8 @@ def rigid_bed(
     cells = profiles.shape[1]
     level = case.height / cells * (jnp.arange(cells, dtype=profiles.dtype) + 0.5)
     above_bed = level[None] - bed_front[:, None]
+    if case.rotor is not None:
+        return _in_rotor(case, case.rotor, flux, profiles, mudline, bed_front)
     falls = (above_bed > 0.0) & (level[None] < mudline[:, None])
     # Cells that the mudline crosses, or over which it is smeared, are thinner than what falls.
     falling = jnp.maximum(profiles, case.volume_fraction)
@@ -42,6 +45,24 @@ def rigid_bed(
         velocity = velocity * case.tilt.rate(mudline - bed_front)[:, None]
     weight = particle.net_weight_density(case.parameters) * case.bed_fraction
     return velocity, weight * jnp.maximum(-above_bed, 0.0)
+
+
+def _in_rotor(
+    case: Case, rotor: Rotor, flux: kynch.Table, profiles: Array, mudline: Array, bed_front: Array
+) -> tuple[Array, Array]:
+    """Returns both fields of a tube in a rotor, where acceleration is in proportion to the radius.
+
+    The solids' stress is a pressure, alike in all directions.
+    """
+    cells = profiles.shape[1]
+    level = case.height / cells * (jnp.arange(cells, dtype=profiles.dtype) + 0.5)
+    radius, bed = rotor.floor_radius - level[None], rotor.floor_radius - bed_front[:, None]
+    falls = (radius < bed) & (level[None] < mudline[:, None]) & (profiles > 0.0)
+    velocity = kynch.flux_at(flux, profiles) / jnp.where(falls, profiles, 1.0)
+    velocity = jnp.where(falls, velocity, 0.0) * (radius / rotor.floor_radius)
+    weight = particle.net_weight_density(case.parameters) * case.bed_fraction
+    depth = jnp.maximum(radius**2 - bed**2, 0.0) / (2.0 * rotor.floor_radius)
+    return velocity, weight * depth
 
 
 def _speed_of_clock(case: Case) -> Array:

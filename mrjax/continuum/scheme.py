@@ -12,10 +12,19 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
-from mrjax.continuum import characteristics, column_checks, fields, interfaces, kynch
+from mrjax.continuum import (
+    centrifuge,
+    characteristics,
+    column_checks,
+    fields,
+    interfaces,
+    kynch,
+    rotor_checks,
+)
 from mrjax.continuum.case import Case
 from mrjax.continuum.minmod import minmod
 from mrjax.continuum.profile import Column
+from mrjax.continuum.rotor import cells_of
 from mrjax.laws import yield_stress
 
 REACH = 0.5
@@ -38,15 +47,21 @@ def solve(case: Case, *, cells: int, steps: int) -> Column:
     si = kynch.table(case.parameters, case.hindrance, initial, densest)
     times = until_rest(case, si)
     flux = si._replace(flux=si.flux * (times[-1] / steps / cell))  # in cells per step
-    courant = kynch.fastest_front(flux, initial)
+    courant = fastest_front(case, flux)
     profiles = _profiles(case._replace(times=times), flux, cells, steps)
-    mudline = interfaces.mudline(profiles, initial, densest)
     meets = kynch.bed_contact_fraction(flux, densest)
-    bed_front = interfaces.bed_front(profiles, mudline, meets, densest)
+    if case.rotor is None:
+        mudline = interfaces.mudline(profiles, initial, densest)
+        bed_front = interfaces.bed_front(profiles, mudline, meets, densest)
+    else:
+        mudline, bed_front = (
+            height / cell for height in centrifuge.fronts(case, times, profiles, meets)
+        )
     at_level = fields.rigid_bed(case, si, profiles, cell * mudline, cell * bed_front)
     velocity, stress = fields.mirrored(rising, *at_level)
     # A factor, not a `where`: derivatives of an invalid result are NaN, too.
-    possible = column_checks.possible(case, flux) & (courant <= REACH * (1.0 + 1e-5))
+    possible = column_checks.possible(case, flux) & rotor_checks.possible(case)
+    possible = possible & (courant <= REACH * (1.0 + 1e-5))
     valid = jnp.where(possible, 1.0, jnp.nan).astype(initial.dtype)
 
     def level(cell_count: Array) -> Array:
@@ -79,10 +94,35 @@ def until_rest(case: Case, flux: kynch.Table) -> Array:
     """
     times = yield_stress.effective_times(case.parameters, jnp.asarray(case.times))
     height = jnp.asarray(case.height)
+    if case.rotor is not None:
+        rest = centrifuge.rest_time(
+            case.parameters,
+            case.hindrance,
+            jnp.asarray(case.volume_fraction),
+            jnp.asarray(case.bed_fraction),
+            case.rotor,
+        )
+        return jnp.minimum(times, AT_REST * lax.stop_gradient(rest))
     if case.tilt is not None:
         times = characteristics.tilted_times(flux, height, times, case.tilt)
     rest = lax.stop_gradient(characteristics.rest_time(flux, height))
     return jnp.minimum(times, AT_REST * rest)
+
+
+def fastest_front(case: Case, flux: kynch.Table) -> Array:
+    """Returns the greatest speed of a front or wave, in the unit of the flux, ().
+
+    In a rotor the uniform suspension becomes thinner, and fronts begin from every thinner one.
+
+    Args:
+      case: column of particles that sink.
+      flux: f.
+    """
+    initial = jnp.asarray(case.volume_fraction)
+    if case.rotor is None:
+        return kynch.fastest_front(flux, initial)
+    states = flux.fraction[1 : kynch.INTERVALS + 1]
+    return jnp.max(jax.vmap(partial(kynch.fastest_front, flux))(states))
 
 
 def _profiles(case: Case, flux: kynch.Table, cells: int, steps: int) -> Array:
@@ -99,18 +139,27 @@ def _profiles(case: Case, flux: kynch.Table, cells: int, steps: int) -> Array:
     slots = jnp.pad(slots, (0, missing), constant_values=count).reshape(-1, chunk)
     godunov = kynch.prepare_godunov(kynch.slope_limited(flux, jnp.full_like(case.height, REACH)))
 
+    tube = None if case.rotor is None else cells_of(case.rotor, cells)
+
+    def flux_through(fraction: Array, length: Array) -> Array:
+        flux = length * _limited_flux(godunov, fraction, case.bed_fraction)
+        return flux if tube is None else flux * tube.weight
+
+    def change_by(flux: Array) -> Array:
+        change = jnp.diff(jnp.pad(flux, 1))
+        return change if tube is None else change / tube.volume
+
     def flux_between(fraction: Array, length: Array) -> Array:
         """Flux of Heun's step, of second order in smooth profiles."""
-        first = length * _limited_flux(godunov, fraction, case.bed_fraction)
-        predicted = fraction + jnp.diff(jnp.pad(first, 1))
-        return 0.5 * (first + length * _limited_flux(godunov, predicted, case.bed_fraction))
+        first = flux_through(fraction, length)
+        return 0.5 * (first + flux_through(fraction + change_by(first), length))
 
     def step(carry: Carry, now: tuple[Array, Array]) -> tuple[Carry, None]:
         fraction, rounding, recorded = carry
         length, slot = now
         down = flux_between(fraction, length)
         # Kahan's sum: at rest the rounding error is the same at every step, and would add up.
-        change = jnp.diff(jnp.pad(down, 1)) + rounding
+        change = change_by(down) + rounding
         settled = fraction + change
         rounding = change - (settled - fraction)
         return (

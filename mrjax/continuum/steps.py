@@ -3,13 +3,12 @@
 import math
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 from mrjax.continuum import column_checks, kynch
 from mrjax.continuum.case import Case
-from mrjax.continuum.scheme import REACH, until_rest
+from mrjax.continuum.scheme import REACH, fastest_front, until_rest
 from mrjax.core.errors import InputError
 from mrjax.core.tracing import drop_tracers, evaluated_or_none
 
@@ -77,6 +76,6 @@ def _speeds(case: Case) -> tuple[kynch.Table, Array, Array]:
     flux = kynch.table(case.parameters, case.hindrance, case.volume_fraction, case.bed_fraction)
     return (
         flux,
-        kynch.fastest_front(flux, jnp.asarray(case.volume_fraction)),
+        fastest_front(case, flux),
         until_rest(case, flux)[-1],
     )

@@ -24,13 +24,13 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
+from mrjax.continuum.mean_inverse import mean_inverse
 from mrjax.laws.closed_forms import phi_1
 
 EQUAL, LONGER = 32, 128
 """Intervals of the clock up to the first bend of a curve, and from there to rest."""
 LARGEST_ANGLE = 90.0
 """Degrees below which a tilt must be."""
-SERIES_BELOW = 0.1
 SHOWN = (1.0, 2.0, 5.0)
 """Angles of `warning`, degrees."""
 NOTABLE = 0.1
@@ -102,8 +102,7 @@ def clock_times(times: Array, tilt: Tilt, nodes: Array, lengths: Array) -> Array
     rates = tilt.rate(lengths)
     low, high = rates[:-1], rates[1:]
     steps = jnp.diff(nodes)
-    ratio = (high - low) / (high + low)
-    durations = 2.0 * steps / (high + low) * _arctanh_over(ratio)
+    durations = steps * mean_inverse(low, high)
     starts = jnp.concatenate([jnp.zeros_like(durations[:1]), jnp.cumsum(durations)])
     number = jnp.searchsorted(starts, jax.lax.stop_gradient(times), side="right") - 1
     number = jnp.clip(number, 0, nodes.size - 1)
@@ -130,12 +129,3 @@ def warning(height: float, gap: float) -> str | None:
         f"the suspension is {height / gap:.2g} times as tall as the gap of its tube: a tilt makes "
         f"it settle faster, by {faster} degrees; keep the tube upright, or fit its tilt"
     )
-
-
-def _arctanh_over(ratio: Array) -> Array:
-    """Returns artanh(z) / z for z between -1 and 1; 1 at 0."""
-    small = jnp.abs(ratio) < SERIES_BELOW
-    z = jnp.where(small, ratio, 0.0)
-    series = 1.0 + z**2 * (1 / 3 + z**2 * (1 / 5 + z**2 * (1 / 7 + z**2 * (1 / 9 + z**2 / 11))))
-    large = jnp.where(small, 0.5, ratio)
-    return jnp.where(small, series, jnp.arctanh(large) / large)
