@@ -20,6 +20,7 @@ def refuse_parameters(sheet: ExperimentSheet, samples: tuple[Sample, ...], sourc
     recipes = {id(sample.recipe): sample.recipe for sample in samples}
     leaves = {key: recipe.parameters() for key, recipe in recipes.items()}
     for table, sample in zip(sheet.sample, samples, strict=True):
+        _refuse_rotor(sample, names_of[sample.name], source)
         _refuse_tilt(table, sample, names_of[sample.name], source)
         _refuse_tube(sample, names_of[sample.name], source)
         for name in names_of[sample.name]:
@@ -53,6 +54,30 @@ def _refuse_tube(sample: Sample, names: list[str], source: str) -> None:
             raise InputError(
                 f"{named}: a {word} and a yield stress that grows are not combined; leave one of "
                 "them out"
+            )
+
+
+def _refuse_rotor(sample: Sample, names: list[str], source: str) -> None:
+    """Refuses what is not combined with a rotor."""
+    if sample.rotor is None:
+        return
+    given, fluid = {*names, *sample.tube}, sample.recipe.fluid
+    rheology = fluid.yield_stress, fluid.flow_index, fluid.yield_growth
+    not_newtonian = any(value is not None for value in rheology)
+    excluded = {
+        "a tilt": TILT in given,
+        "a compression": bool(given.intersection(COMPRESSION)),
+        "gravity as a parameter": "gravity" in given,
+        "concentrations in its tube": bool(sample.points),
+        'bed_fraction = "particles"': sample.bed_fraction == "particles",
+        "particles of several sizes": not isinstance(sample.recipe.particle.diameter, float),
+        "a carrier with a yield stress or a flow index": not_newtonian,
+    }
+    for words, present in excluded.items():
+        if present:
+            raise InputError(
+                f"{source}: sample {shown(sample.name)}: a rotor and {words} are not combined; "
+                "leave one of them out"
             )
 
 

@@ -147,5 +147,7 @@ class Experiment:
             for parameter in self.parameters
             if sample.name in parameter.samples
         }
+        if sample.rotor is not None:
+            changes["gravity"] = sample.rotor.floor_acceleration
         bed = None if sample.bed_fraction == "particles" else sample.bed_fraction
         return suspension(sample.recipe, bed, {**sample.tube, **held, **changes})

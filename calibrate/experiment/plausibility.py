@@ -126,6 +126,8 @@ def _refuse_above(readings: Readings) -> None:
 def _refuse_below_particles(readings: Readings) -> None:
     """Refuses a mudline below the height of the particles without any liquid between them."""
     ratio, solids = readings.ratio, readings.sample.recipe.volume_fraction
+    if readings.sample.rotor is not None:
+        solids = float(readings.sample.rotor.final_ratio(solids))
     for place in np.flatnonzero(solids - ratio > ERRORS * readings.error)[:1]:
         raise InputError(
             f"{readings.said(place)} is {ratio[place]:.3g} of the height, less than the particles "
@@ -173,6 +175,8 @@ def _fallen_at_most(sample: Sample, time: float) -> float:
     if time <= 0.0:
         return 0.0
     alone = sample.recipe.parameters().replace(f_w=1.0, f_s=1.0, f_v=1.0)
+    if sample.rotor is not None:
+        alone = alone.replace(gravity=sample.rotor.floor_acceleration)
     speed = float(np.max(np.abs(np.asarray(terminal_velocity(alone)))))
     return FASTER_AT_FIRST * speed * time / sample.height
 
@@ -286,7 +290,7 @@ def _denser_than_bed(sample: Sample, suspension: Suspension) -> Iterator[str]:
 def _narrow(sample: Sample, suspension: Suspension) -> Iterator[str]:
     """A warning about a tall, narrow tube that is taken as upright, and has a curve or a speed."""
     timed = any(measurement.observable not in STEADY for measurement in sample.measurements)
-    if sample.gap is None or suspension.tilt is not None or not timed:
+    if sample.rotor is not None or sample.gap is None or suspension.tilt is not None or not timed:
         return
     if warning := tilt.warning(sample.height, sample.gap):
         yield f"sample {sample.name!r}: {warning}"

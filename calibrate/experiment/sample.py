@@ -8,7 +8,7 @@ from calibrate.experiment.readings import concentrations
 from calibrate.experiment.readings.local_understood import LocalUnderstood
 from calibrate.experiment.readings.understood import Understood
 from calibrate.experiment.readings.velocity_understood import VelocitiesUnderstood
-from mrjax import Recipe
+from mrjax import Recipe, Rotor
 
 FEWEST_REPEATS = 3
 """Least degrees of freedom of repeats that give the scatter in place of the fit."""
@@ -145,6 +145,8 @@ class Sample:
     mudline_threshold: float = 0.5
     """Share of the initial volume fraction that the suspension below the mudline exceeds, for
     particles of several sizes."""
+    rotor: Rotor | None = None
+    """Rotor of the centrifuge in which it settled; None under gravity."""
     gap: float | None = None
     """Distance of the upper from the lower wall of its tube, should that lean; m. None if it is not
     known."""

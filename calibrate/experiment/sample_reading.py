@@ -9,7 +9,7 @@ from calibrate.experiment.suspension import TILT
 from calibrate.experiment.units import RATIO_UNITS
 from calibrate.experiment.velocity_table import VelocityTable
 from calibrate.experiment.velocity_units import velocity_unit
-from mrjax import InputError, Recipe
+from mrjax import InputError, Recipe, Rotor
 from mrjax.continuum.tilt import gap_of_round_tube
 from mrjax.core.errors import shown
 from mrjax.io import reading
@@ -30,6 +30,10 @@ def read_sample(
       InputError: a recipe or curve that cannot be used, or particles that rise.
     """
     recipe = _recipe(sheet, folder, source, recipes)
+    rotor = None
+    if sheet.rotor is not None:
+        rotor = Rotor(**sheet.rotor.model_dump())
+        sheet = sheet.model_copy(update={"height": float(rotor.height)})
     measurements = _readings_at_one_time(sheet)
     times: tuple[float, ...] = ()
     understood, curve_scatter = None, None
@@ -73,6 +77,7 @@ def read_sample(
         tuple(tables),
         _tube(sheet),
         sheet.mudline_threshold,
+        rotor,
         _gap(sheet),
     )
 

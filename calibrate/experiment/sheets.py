@@ -10,9 +10,12 @@ from calibrate.experiment.readings.sheet import CurveSheet, LocalSheet, Velociti
 from calibrate.experiment.suspension import LARGEST_TILT
 from calibrate.experiment.units import RATIO_UNITS, one_of
 from calibrate.experiment.velocity_units import EXAMPLES, OF_VELOCITY
+from mrjax.continuum.rotor import LEAST_RATIO
 from mrjax.core.errors import shown
 from mrjax.recipe.sheets import FileName, Name, Sheet
 
+SAME_HEIGHT = 1e-3
+"""Relative difference of a height from that between the radii of a rotor that is rounding."""
 MOST = 1000
 """Samples, or parameters, of an experiment."""
 
@@ -80,6 +83,30 @@ class TubeSheet(Sheet):
     )
 
 
+class RotorSheet(Sheet):
+    """The rotor of a centrifuge in which a sample settled."""
+
+    speed: float = Field(gt=0, description="its speed in rpm, above zero")
+    top_radius: float = Field(
+        gt=0, description="distance of the top of the suspension from the axis in m, above zero"
+    )
+    floor_radius: float = Field(
+        gt=0, description="distance of the floor of the tube from the axis in m, above zero"
+    )
+    shape: Literal["sector", "straight"] = Field(
+        default="straight", description='of the tube: "sector", with radial walls, or "straight"'
+    )
+
+    @model_validator(mode="after")
+    def _top_above_floor(self) -> Self:
+        if not LEAST_RATIO * self.floor_radius <= self.top_radius < self.floor_radius:
+            raise ValueError(
+                f"rotor.top_radius = {self.top_radius:g}: must be below floor_radius, "
+                f"{self.floor_radius:g}, and at least {LEAST_RATIO:g} of it"
+            )
+        return self
+
+
 class SampleSheet(Sheet):
     """One suspension that was measured."""
 
@@ -100,6 +127,9 @@ class SampleSheet(Sheet):
     )
     tube: TubeSheet | None = Field(
         default=None, description="a table with tilt and gap of a tube that leans"
+    )
+    rotor: RotorSheet | None = Field(
+        default=None, description="a table with speed, top_radius, floor_radius and shape"
     )
     delay: float | None = Field(
         default=None, gt=0, description="the time scale of aggregation at the start in s, above 0"
@@ -130,6 +160,18 @@ class SampleSheet(Sheet):
     viscosity_ratio: ViscosityRatio | None = Field(
         default=None, description="a table with value and standard_deviation"
     )
+
+    @model_validator(mode="after")
+    def _height_between_radii(self) -> Self:
+        if self.rotor is None:
+            return self
+        between = self.rotor.floor_radius - self.rotor.top_radius
+        if self.height is not None and abs(self.height - between) > SAME_HEIGHT * between:
+            raise ValueError(
+                f"height = {self.height:g}: must be that between the radii of its rotor, "
+                f"{between:g}, or left out"
+            )
+        return self
 
     @field_validator("bed_fraction")
     @classmethod

@@ -17,6 +17,7 @@ from calibrate.models.prediction import (
     forever,
     layers,
     prediction,
+    refuse_rotor,
     refuse_spread,
     refuse_yielding,
     terminal_velocities,
@@ -43,6 +44,7 @@ def closed_form(
     Raises:
       InputError: the bed is needed, and its volume fraction is not known.
     """
+    refuse_rotor(sample, "closed-form")
     refuse_yielding(sample, near, "closed-form")
     refuse_spread(sample, near, "closed-form")
     bed = simulated_fraction(sample, near, seed, varied, checkpoint)

@@ -10,6 +10,7 @@ import mrjax
 from calibrate.experiment.sample import Sample
 from calibrate.experiment.suspension import Suspension
 from calibrate.models.bed import final_ratio, fraction_of_bed, simulated_fraction
+from calibrate.models.centrifuged import centrifuged
 from calibrate.models.polydisperse import has_several_sizes, polydisperse
 from calibrate.models.prediction import (
     ForwardModel,
@@ -37,12 +38,15 @@ def column(
     The mudline is exact, by the characteristics that meet it: `mrjax.column` converges to it with
     more cells. The cost does not grow with the time of a reading. Without local drag in the recipe
     it is the closed form. Particles of several sizes settle in classes (`polydisperse`),
-    and a bed with a compression yields (`yielding`).
+    and a bed with a compression yields (`yielding`). A sample with a rotor settles in a centrifuge
+    (`centrifuged`).
 
     Raises:
       InputError: the volume fraction of the bed is not known, or particles do not settle at every
         fraction up to that of the bed.
     """
+    if sample.rotor is not None:
+        return centrifuged(sample, near, sample.rotor)
     if has_several_sizes(near):
         return polydisperse(sample, near, seed, varied, checkpoint)
     if near.compression is not None:

@@ -14,6 +14,7 @@ from calibrate.models.prediction import (
     ForwardModel,
     Prediction,
     prediction,
+    refuse_rotor,
     refuse_spread,
     refuse_yielding,
 )
@@ -43,6 +44,7 @@ def particles(
     recipe = sample.recipe
     falling = mrjax.terminal_velocity(near.parameters)
     reading_times = jnp.asarray(sample.times, float)
+    refuse_rotor(sample, "particles")
     refuse_yielding(sample, near, "particles")
     refuse_spread(sample, near, "particles")
     for word, value in (("delay", near.delay), ("tilt", near.tilt)):

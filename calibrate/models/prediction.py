@@ -67,6 +67,16 @@ def tilt_of(sample: Sample, suspension: Suspension) -> Tilt | None:
     return Tilt(angle=suspension.tilt, gap=sample.gap)
 
 
+def refuse_rotor(sample: Sample, model: str) -> None:
+    """Refuses a rotor for a model under gravity.
+
+    Raises:
+      InputError: the sample settled in a rotor.
+    """
+    if sample.rotor is not None:
+        raise InputError(f"sample {sample.name!r}: the model {model} has no rotor; fit with column")
+
+
 def refuse_yielding(sample: Sample, near: Suspension, model: str) -> None:
     """Refuses a yielding bed for a model with a rigid one.
 
@@ -120,12 +130,12 @@ def prediction(
 ) -> Prediction:
     """The prediction of everything that can be measured on a sample.
 
-    A tilt of its tube makes the initial velocities larger.
+    A tilt of its tube makes the initial velocities larger; in a rotor they are those at the top.
 
     Args:
       sample: the sample with its measurements.
       suspension: the suspension of the prediction.
-      velocity: initial velocity in an upright tube, () in m/s.
+      velocity: initial velocity in an upright tube, in a rotor at its floor, () in m/s.
       final: final height over that of the suspension, ().
       ratio: height over that of the suspension at the sample's times, (T,).
       velocities: the same at each of the sample's fractions, (K,) in m/s.
@@ -133,9 +143,12 @@ def prediction(
         (Q,); None for a model without them.
     """
     local = {} if concentrations is None else {"concentrations": concentrations}
-    tilt = tilt_of(sample, suspension)
+    tilt, rotor = tilt_of(sample, suspension), sample.rotor
     if tilt is not None:
         velocity, velocities = (tilt.rate(sample.height) * each for each in (velocity, velocities))
+    if rotor is not None:
+        at_top = rotor.top_radius / rotor.floor_radius
+        velocity, velocities = at_top * velocity, at_top * velocities
     return local | {
         "initial_velocity": velocity,
         "initial_velocities": velocities,

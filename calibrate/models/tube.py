@@ -53,9 +53,12 @@ def tube(sample: Sample, suspension: Suspension, bed_fraction: ArrayLike) -> Tub
         suspension.hindrance,
         suspension.compression,
         tilt_of(sample, suspension),
+        sample.rotor,
     )
     delay = None if suspension.delay is None else jnp.asarray(suspension.delay, float)
-    return _settled(case.as_arrays().astype(float), delay, jnp.asarray(sample.mudline_threshold))
+    case = case.as_arrays().astype(float)
+    settle = _settled if case.rotor is None else _at_times
+    return settle(case, delay, jnp.asarray(sample.mudline_threshold))
 
 
 def field_times(sample: Sample) -> np.ndarray:
@@ -64,8 +67,7 @@ def field_times(sample: Sample) -> np.ndarray:
     return np.interp(np.linspace(0.0, read.size - 1.0, TIMES), np.arange(read.size), read)
 
 
-@partial(jax.jit, compiler_options=COMPILED_QUICKLY)
-def _settled(case: Case, delay: Array | None, threshold: Array) -> Tube:
+def _at_times(case: Case, delay: Array | None, threshold: Array) -> Tube:
     """The tube at the times of a case; with a delay its clock runs slowly at first."""
     times = jnp.asarray(case.times)
     if delay is None:
@@ -80,15 +82,19 @@ def _settled(case: Case, delay: Array | None, threshold: Array) -> Tube:
     return replace(settled, times=times, settling_velocity=velocity)
 
 
+_settled = jax.jit(_at_times, compiler_options=COMPILED_QUICKLY)
+
+
 def _upon_start(case: Case, threshold: Array) -> Tube:
     """The tube of a case without a delay."""
-    if case.compression is None and not jnp.ndim(case.volume_fraction):
+    if case.rotor is None and case.compression is None and not jnp.ndim(case.volume_fraction):
         return exact_column(case, cells=CELLS)
     common = {name: value for name, value in case._asdict().items() if name != "parameters"}
     if jnp.ndim(case.volume_fraction):
-        del common["compression"]
+        del common["compression"], common["rotor"]
         cells = polydisperse.CELLS
         return mrjax.polydisperse_column(
             case.parameters, threshold=threshold, cells=cells, **common
         )
-    return mrjax.column(case.parameters, cells=YIELDING_CELLS, **common)
+    cells = YIELDING_CELLS if case.rotor is None else CELLS
+    return mrjax.column(case.parameters, cells=cells, **common)

@@ -134,15 +134,19 @@ def slower_if_denser(flux: kynch.Table) -> Array:
     return jnp.all(jnp.diff(velocity) <= rounding)
 
 
-def refuse_faster_if_denser(flux: kynch.Table) -> None:
-    """Refuses a flux of a yielding bed in which some denser suspension falls faster.
+def refuse_faster_if_denser(flux: kynch.Table, where: str = "with a compression") -> None:
+    """Refuses a flux in which some denser suspension falls faster.
+
+    Args:
+      flux: f, in m/s.
+      where: the kind of column that needs this, for the message.
 
     Raises:
       InputError: there is such a suspension.
     """
     if not slower_if_denser(flux):
         raise InputError(
-            "some suspension falls faster than a thinner one; with a compression, give a hindrance "
+            f"some suspension falls faster than a thinner one; {where}, give a hindrance "
             f"that grows with the volume fraction, from {float(flux.initial):.3g} to bed_fraction "
             f"= {float(flux.densest):.3g}"
         )

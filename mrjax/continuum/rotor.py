@@ -19,6 +19,8 @@ from jax.typing import ArrayLike
 
 SHAPES = {"straight": 1, "sector": 2}
 """k, the exponent of the volume up to a radius, by the shape of a tube."""
+LEAST_RATIO = 0.1
+"""Least radius of the top over that of the floor."""
 
 
 @jax.tree_util.register_dataclass

@@ -6,14 +6,12 @@ from jax import Array
 
 from mrjax.continuum import kynch
 from mrjax.continuum.case import Case
-from mrjax.continuum.rotor import SHAPES, Rotor
+from mrjax.continuum.rotor import LEAST_RATIO, SHAPES, Rotor
 from mrjax.core import checks
 from mrjax.core.errors import InputError, shown
 from mrjax.core.tracing import drop_tracers, evaluated_or_none, value_or_none
 from mrjax.laws import particle, yield_stress
 
-LEAST_RATIO = 0.1
-"""Least radius of the top over that of the floor."""
 SAME = 1e-6
 """Relative difference of two heights that are the same."""
 

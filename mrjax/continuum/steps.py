@@ -40,6 +40,8 @@ def fewest_steps(case: Case, cells: int) -> float | None:
         return FEWEST_IMPLICIT
     if evaluated is None:
         return None
+    if case.rotor is not None:
+        column_checks.refuse_faster_if_denser(evaluated[0], "in a rotor")
     _, speed, last, numbers = evaluated
     return float(speed) * float(last) / float(np.ravel(numbers.height)[-1]) * cells / REACH
 
