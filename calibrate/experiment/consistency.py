@@ -6,7 +6,7 @@ from pathlib import Path
 from calibrate.experiment import plausibility
 from calibrate.experiment.sample import Sample
 from calibrate.experiment.sheets import ExperimentSheet, SampleSheet
-from calibrate.experiment.suspension import BED, CLOSURE, COMPRESSION, TILT, refuse_unknown
+from calibrate.experiment.suspension import BED, CLOSURE, COMPRESSION, SPREAD, TILT, refuse_unknown
 from mrjax import InputError
 from mrjax.core.errors import shown
 
@@ -70,7 +70,8 @@ def _refuse_rotor(sample: Sample, names: list[str], source: str) -> None:
         "gravity as a parameter": "gravity" in given,
         "concentrations in its tube": bool(sample.points),
         'bed_fraction = "particles"': sample.bed_fraction == "particles",
-        "particles of several sizes": not isinstance(sample.recipe.particle.diameter, float),
+        "particles of several sizes": SPREAD in given
+        or not isinstance(sample.recipe.particle.diameter, float),
         "a carrier with a yield stress or a flow index": not_newtonian,
     }
     for words, present in excluded.items():

@@ -143,6 +143,7 @@ def test_an_experiment_states_a_rotor(tmp_path):
         ({"name": "gravity"}, "a rotor and gravity as a parameter are not"),
         ({"sample": 'bed_fraction = "particles"'}, 'a rotor and bed_fraction = "particles"'),
         ({"diameter": "[3e-6, 4e-6]"}, "a rotor and particles of several sizes"),
+        ({"name": "geometric_standard_deviation"}, "a rotor and particles of several sizes"),
         ({"fluid": ", yield_stress = 0.01"}, "a rotor and a carrier with a yield stress"),
     ],
 )
