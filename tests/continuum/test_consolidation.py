@@ -133,6 +133,25 @@ def case():
     return given.as_arrays().astype(jnp.float64)
 
 
+def test_long_steps_of_a_dense_bed_have_derivatives_of_differences():
+    """A bed so tight that its velocity falls by half within a cell: derivatives stay bounded."""
+    given = SETTLING | dict(
+        compression=Compression(gel_fraction=0.32, stress=25.0, exponent=2.9),
+        volume_fraction=0.087,
+        bed_fraction=0.72,
+        hindrance=zaki(18.0),
+        times=np.array([2.0, 5.0, 10.0, 30.0, 100.0]) * HEIGHT / SPEED,
+    )
+
+    def curve(gel):
+        return mudline((gel, 1.0, 1.0, 1.0, 1.0), **given)
+
+    slope = jax.jvp(curve, (1.0,), (1.0,))[1]
+    step = 1e-7  # a limiter changes its branch within a longer one
+    central = (curve(1.0 + step) - curve(1.0 - step)) / (2.0 * step)
+    np.testing.assert_allclose(slope, central, atol=1e-4 * np.abs(central).max())
+
+
 def test_the_order_is_two_where_the_bed_consolidates():
     """Against four times as many cells and steps, once the front has passed the mudline."""
     times = np.linspace(1.6, 3.0, 8) * HEIGHT / SPEED
