@@ -18,7 +18,7 @@ from calibrate.comparison.evidence import Evidence, evidence, reduced_chi_square
 from calibrate.experiment.experiment import Experiment
 from calibrate.least_squares.fit import Fit
 from calibrate.problem.problem import Problem
-from calibrate.problem.solve import fit_experiment
+from calibrate.problem.solve import fit_experiment, fit_from_start
 from mrjax import InputError, SimulationError
 
 CLEAR = 4.0
@@ -140,9 +140,17 @@ def compare(
         bar.set_description(f"compare: {name}")
         folder = None if checkpoint is None else Path(checkpoint) / name
         options: dict[str, Any] = dict(starts=starts, seed=seed, checkpoint=folder)
-        changed = _begun_near(with_effects(experiment, effects), near)
-        problem, fit = fit_experiment(changed, "column", **options)
-        return Candidate(ordered, problem, fit, evidence(problem, fit))
+        changed = with_effects(experiment, effects)
+        problem, fit = fit_experiment(_begun_near(changed, near), "column", **options)
+        candidate = Candidate(ordered, problem, fit, evidence(problem, fit))
+        if near is None or _is_no_worse(candidate, near):
+            return candidate
+        del options["starts"]
+        if folder is not None:
+            options["checkpoint"] = folder / "near"
+        again, second = fit_from_start(_begun_near(changed, near, ordered), "column", **options)
+        other = Candidate(ordered, again, second, evidence(again, second))
+        return min(candidate, other, key=lambda one: (not one.usable, one.evidence.deviance))
 
     with bar:
         found, failures = _search(fitted, possible)
@@ -206,11 +214,25 @@ def _error_scale(candidates: Iterable[Candidate]) -> float:
     return max(1.0, min(reduced, default=1.0) ** 0.5)
 
 
-def _begun_near(experiment: Experiment, near: Candidate | None) -> Experiment:
-    """The experiment with searches that begin at the values of a smaller model."""
+def _is_no_worse(candidate: Candidate, smaller: Candidate) -> bool:
+    """True if a fit converged, and fits no worse than a smaller model, but for its priors."""
+    return candidate.usable and candidate.evidence.deviance < smaller.evidence.deviance + CLEAR
+
+
+def _begun_near(
+    experiment: Experiment, near: Candidate | None, hardly: Iterable[Effect] = ()
+) -> Experiment:
+    """The experiment with searches that begin at the values of a smaller model.
+
+    Args:
+      experiment: experiment with one more effect.
+      near: the smaller model.
+      hardly: effects that begin where they hardly act, unless the smaller model has them.
+    """
     if near is None:
         return experiment
-    values = {
+    values = {effect.quantities[0]: effect.hardly for effect in hardly if effect.hardly is not None}
+    values |= {
         parameter.label: float(parameter.value(x))
         for parameter, x in zip(near.problem.experiment.parameters, near.fit.values, strict=True)
     }
@@ -233,12 +255,14 @@ def _verdict(effect: Effect, candidates: list[Candidate], reason: str | None) ->
     differences = best_without.evidence.left_out - best_with.evidence.left_out
     left_out_gain = float(differences.sum())
     left_out_error = float(np.std(differences, ddof=1) * differences.size**0.5)
-    word, why = _word(effect, usable[0], best_with, best_without, gain, left_out_gain)
+    word, why = _word(usable[0], best_with, best_without, gain, left_out_gain)
+    lost = [one.name for one in candidates if not one.usable and effect not in one.effects]
+    if word == ASKED_FOR and lost:
+        word, why = UNDECIDED, f"the fit of {lost[0]} did not converge, and may explain as much"
     return Verdict(effect, word, gain, left_out_gain, left_out_error, best_with, best_without, why)
 
 
 def _word(
-    effect: Effect,
     best: Candidate,
     best_with: Candidate,
     best_without: Candidate,

@@ -39,6 +39,8 @@ class Effect(NamedTuple):
     """Function that gives an experiment the effect, with the wide priors of this file."""
     remark: str
     """What the effect is, in a sentence."""
+    hardly: float | None = None
+    """Value of its one quantity at which the effect hardly acts; None if there is none."""
 
 
 def plain(experiment: Experiment) -> Experiment:
@@ -277,14 +279,28 @@ def _with_sizes(experiment: Experiment) -> Experiment:
 
 
 FLOCS = Effect(
-    "flocs", (FLOC_VOLUME,), _with_flocs, "the volume that settles is that of flocs with liquid"
+    "flocs",
+    (FLOC_VOLUME,),
+    _with_flocs,
+    "the volume that settles is that of flocs with liquid",
+    1.05,
 )
 YIELDING_BED = Effect(
     "yielding bed", COMPRESSION, _with_yielding_bed, "the bed yields under its own weight"
 )
 DELAY_AT_START = Effect(
-    "delay", (DELAY,), _with_delay, "aggregates form first, and settle slowly at the start"
+    "delay",
+    (DELAY,),
+    _with_delay,
+    "aggregates form first, and settle slowly at the start",
+    1.0,
 )
-SIZES = Effect("sizes", (SPREAD,), _with_sizes, "particles of several sizes settle apart")
+SIZES = Effect(
+    "sizes",
+    (SPREAD,),
+    _with_sizes,
+    "particles of several sizes settle apart",
+    1.05,
+)
 EFFECTS = (FLOCS, YIELDING_BED, DELAY_AT_START, SIZES)
 """All effects."""

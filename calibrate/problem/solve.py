@@ -98,6 +98,20 @@ def fit_experiment(
     return problem, replace(result, optima=with_others(result.optima, others), places=places)
 
 
+def fit_from_start(
+    experiment: Experiment, model: str | ForwardModelMaker, **options: Any
+) -> tuple[Problem, Fit]:
+    """Fits an experiment from its start alone, without a search of the whole range of the priors.
+
+    Args:
+      experiment, model: as for `fit_experiment`.
+      options: `seed`, `checkpoint`, `robust` and `progress` of `fit_experiment`.
+    """
+    folder = options.pop("checkpoint", None)
+    problem = Problem.prepare(experiment, model, options.get("seed", 0), None, folder)
+    return _fit_problem(problem, starts=1, also=[], checkpoint=folder, **options)
+
+
 def _fit_cheaper(experiment: Experiment, model: str | ForwardModelMaker, **options: Any) -> Fit:
     """The fit of a cheaper model.
 

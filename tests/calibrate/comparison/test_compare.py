@@ -54,6 +54,13 @@ def test_an_effect_is_asked_for_if_all_models_without_it_are_clearly_worse():
     assert verdict(SIZES, PLAIN, candidate([SIZES], 50.0, 50.0, usable=False)).word == NOT_TRIED
 
 
+def test_a_model_that_did_not_converge_leaves_others_undecided():
+    lost = candidate([FLOCS], 300.0, 300.0, usable=False)
+    found = verdict(DELAY_AT_START, PLAIN, candidate([DELAY_AT_START], 80.0, 70.0), lost)
+    assert found.word == UNDECIDED
+    assert "flocs did not converge" in found.reason
+
+
 def test_two_effects_that_explain_the_same_are_both_undecided():
     models = PLAIN, candidate([DELAY_AT_START], 80.0, 70.0), candidate([FLOCS], 81.0, 71.0)
     assert verdict(DELAY_AT_START, *models).word == UNDECIDED

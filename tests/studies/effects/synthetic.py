@@ -17,7 +17,13 @@ import numpy as np
 from jax import Array
 
 import mrjax
-from calibrate.comparison.compare import Candidate, _search, _verdict
+from calibrate.comparison.compare import (
+    Candidate,
+    _begun_near,
+    _is_no_worse,
+    _search,
+    _verdict,
+)
 from calibrate.comparison.effects import EFFECTS, Effect, with_effects
 from calibrate.comparison.evidence import evidence
 from calibrate.experiment.experiment import Experiment
@@ -145,6 +151,26 @@ def fitted(effects: frozenset[Effect], readings: np.ndarray, error: float) -> Ca
     return Candidate(ordered, problem, found, evidence(problem, found))
 
 
+def _as_good(
+    effects: frozenset[Effect], readings: np.ndarray, error: float, near: Candidate | None
+) -> Candidate:
+    """A fitted model; it starts again near a smaller one that fits better, as `compare` does."""
+    candidate = fitted(effects, readings, error)
+    if near is None or _is_no_worse(candidate, near):
+        return candidate
+    problem, _ = problems(effects)
+    start = _begun_near(problem.experiment, near, effects).start
+    found = fit(
+        _residuals(effects)[0],
+        start,
+        data=(readings, np.asarray(error)),
+        priors=problem.priors,
+        bounds=problem.bounds,
+    )
+    other = replace(candidate, fit=found, evidence=evidence(problem, found))
+    return min(candidate, other, key=lambda one: (not one.usable, one.evidence.deviance))
+
+
 def drawn(chosen: Set) -> tuple[np.ndarray, float]:
     """Readings of a set, with noise, and its error, mm."""
     random = np.random.default_rng(chosen.number)
@@ -171,7 +197,7 @@ def drawn(chosen: Set) -> tuple[np.ndarray, float]:
 def verdicts(chosen: Set, tried: list[Effect]) -> dict[str, str]:
     """The verdict on each effect that is tried, by its name, and what the set was."""
     readings, error = drawn(chosen)
-    found, _ = _search(lambda effects, _: fitted(effects, readings, error), tried)
+    found, _ = _search(lambda effects, near: _as_good(effects, readings, error, near), tried)
     candidates = sorted(found.values(), key=lambda one: (not one.usable, one.evidence.bic))
     row = {
         "set": str(chosen.number),
