@@ -1,7 +1,6 @@
 """The mudline of a column in a rotor with a rigid bed, without a grid: Kynch's theory in a rotor.
 
-phi_t + (v r)_r ... in the volume q = (r / r_floor)^k and the time s = k t / r_floor:
-
+phi_s + (q f)_q = 0,  q = (r / r_floor)^k,  s = k t / r_floor
 dphi/ds = -f(phi)  along  d(ln q)/ds = f'(phi),  so that q f(phi) is constant       (Anestis 1983)
 
 f = phi v is Kynch's flux at the acceleration of the floor. A uniform suspension stays uniform and
@@ -9,10 +8,11 @@ becomes thinner. Its mudline keeps q phi constant. The bed, of phi_m, grows from
 
 d(ln q_b)/ds = -MIN f / (phi_m - phi) over phi from the uniform one to phi_m
 
-The minimum selects the suspension on the bed, phi_b. The characteristics that rise from the floor
-at the start, or from the bed later on, carry phi_b or, at the start, any phi between it and phi_0.
-The particles that have passed one of them until it meets the mudline are all that were above the
-bed at its start. With q_1 and phi_1 at its start, and phi at the mudline,
+The minimum selects the suspension phi_b on the bed; one that is denser than the uniform suspension
+stays there. The characteristics that rise from the floor at the start, or from the bed later on,
+carry phi_b or, at the start, any phi between it and phi_0. The particles that have passed one of
+them until it meets the mudline are all that were above the bed at its start. With q_1 and phi_1 at
+its start, and phi at the mudline,
 
 v(phi) = q_1 f(phi_1) / (q_1 phi_1 + phi_m (1 - q_1) - phi_0 (1 - q_top)),
 q = q_1 f(phi_1) / f(phi),   s = s_1 + INTEGRAL of dphi / f from phi to phi_1.
@@ -153,8 +153,9 @@ def rest_time(
       densest: phi_m, ().
       rotor: the tube.
     """
-    _, rising = _uniform_and_rising(parameters, hindrance, initial, densest, rotor)
-    return rising.time[-1] * (rotor.floor_radius / rotor.exponent)
+    still, rising = _uniform_and_rising(parameters, hindrance, initial, densest, rotor)
+    straight = jnp.interp(rising.volume[-1], still.volume, still.time)
+    return jnp.maximum(straight, rising.time[-1]) * (rotor.floor_radius / rotor.exponent)
 
 
 def _suspended(
@@ -248,18 +249,16 @@ def _bed(
     """
     fraction, flux = flux_table
     speeds = flux / (densest - fraction)
-    # The least speed of all suspensions at least as dense, and which one has it.
-    number = jnp.arange(fraction.size)
-
-    def denser(a: tuple[Array, Array], b: tuple[Array, Array]) -> tuple[Array, Array]:
-        first = b[0] <= a[0]  # b is the thinner one
-        return jnp.where(first, b[0], a[0]), jnp.where(first, b[1], a[1])
-
-    _, place = lax.associative_scan(denser, (lax.stop_gradient(speeds), number), reverse=True)
+    # The uniform suspension lies on the bed while it gives the least speed. As soon as a denser one
+    # does, waves rise from the bed, and go on rising until the mudline meets them.
+    uniform = slice(UNIFORM, None, -1)  # from phi_0, which is a node, to the thinnest one
+    known = lax.stop_gradient(speeds)
+    densest_contact = UNIFORM + jnp.argmin(known[UNIFORM:])
+    slower = jnp.diff(known[uniform]) <= 0.0
+    lies = jnp.append(densest_contact == UNIFORM, slower).astype(densest_contact.dtype)
+    lies = jnp.cumprod(lies)
+    place = densest_contact - (jnp.cumsum(lies) - lies[0])
     speed, contact = speeds[place], fraction[place]
-    # From phi_0, which is a node, to the thinnest one.
-    uniform = slice(UNIFORM, None, -1)
-    speed, contact = speed[uniform], contact[uniform]
     time = integral[UNIFORM] - integral[uniform]
     growth = 0.5 * (speed[1:] + speed[:-1]) * jnp.diff(time)
     grown = jnp.concatenate([jnp.zeros(1, growth.dtype), jnp.cumsum(growth)])

@@ -102,6 +102,17 @@ def test_the_scheme_comes_to_the_mudline_without_a_grid(initial, bed, latest):
         assert float(column.solid_stress[-1, 0]) == pytest.approx(exact_stress, rel=1e-3)
 
 
+def test_a_denser_bed_is_lower_at_every_time():
+    """Also where the uniform suspension becomes thin enough to lie on its bed."""
+    flocs = Partial(drag.floc_richardson_zaki, floc_volume=4.0, exponent=5.0)
+    times = np.array([1.5, 2.0, 2.03, 2.05, 2.07, 2.09, 2.2, 3.0]) * HEIGHT / (RATE * FLOOR)
+    heights = jax.jit(lambda bed: gridless(times, 0.05, bed, "sector", flocs))
+    curves = np.array([heights(bed) for bed in np.linspace(0.147, 0.153, 13)])
+    # Interpolation between nodes, which move with the bed, is within 4e-8.
+    assert (np.diff(curves, axis=0) <= 1e-6 * HEIGHT).all()
+    assert (np.ptp(curves[:, -3:], axis=0) > 1e-3 * HEIGHT).all()
+
+
 def test_a_rotor_of_large_radius_is_gravity():
     """In a tube that is short against its radius the acceleration is that of its floor."""
     tube = mrjax.Rotor(speed=10.0, top_radius=1e3 - 0.1, floor_radius=1e3)
