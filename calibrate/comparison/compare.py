@@ -5,7 +5,7 @@ extended by further effects. A verdict compares the best model that has an effec
 that lacks it. So two effects that explain the same readings are both undecided.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -134,7 +134,7 @@ def compare(
     possible = [effect for effect in EFFECTS if reasons[effect] is None]
     bar = tqdm(desc="compare", disable=not progress, leave=False, bar_format="{desc}, {elapsed}")
 
-    def fitted(effects: frozenset[Effect], near: Candidate | None) -> Candidate:
+    def fit_model(effects: frozenset[Effect], near: Candidate | None) -> Candidate:
         ordered = tuple(sorted(effects, key=EFFECTS.index))
         name = "-".join(effect.name.replace(" ", "-") for effect in ordered) or "plain"
         bar.set_description(f"compare: {name}")
@@ -148,15 +148,15 @@ def compare(
         del options["starts"]
         if folder is not None:
             options["checkpoint"] = folder / "near"
-        again, second = fit_from_start(_begun_near(changed, near, ordered), "column", **options)
-        other = Candidate(ordered, again, second, evidence(again, second))
-        return min(candidate, other, key=lambda one: (not one.usable, one.evidence.deviance))
+        problem, fit = fit_from_start(_begun_near(changed, near, ordered), "column", **options)
+        beside = Candidate(ordered, problem, fit, evidence(problem, fit))
+        return min(candidate, beside, key=lambda one: (not one.usable, one.evidence.deviance))
 
     with bar:
-        found, failures = _search(fitted, possible)
-    scale = _error_scale(found.values())
+        models, failures = _search(fit_model, possible)
+    scale = _error_scale(models.values())
     candidates = [
-        replace(one, evidence=evidence(one.problem, one.fit, scale)) for one in found.values()
+        replace(one, evidence=evidence(one.problem, one.fit, scale)) for one in models.values()
     ]
     candidates.sort(key=lambda one: (not one.usable, one.evidence.bic))
     reasons |= {effect: dict(failures).get(effect.name) for effect in possible}
@@ -165,12 +165,23 @@ def compare(
 
 
 def _search(
-    fitted: Any, possible: list[Effect]
+    fit_model: Callable[[frozenset[Effect], Candidate | None], Candidate], possible: list[Effect]
 ) -> tuple[dict[frozenset[Effect], Candidate], list[tuple[str, str]]]:
-    """Fits the plain model, and extends whatever improves on all smaller models."""
+    """Fits the plain model, and extends whatever improves on all smaller models.
+
+    Args:
+      fit_model: function from effects, and a smaller model to begin near, to a fitted model.
+      possible: effects that can be tried.
+
+    Returns:
+      the fitted models by their effects, and name and reason of each that could not be fitted.
+
+    Raises:
+      SimulationError: the plain model did not converge.
+    """
     plain = frozenset[Effect]()
-    found = {plain: fitted(plain, None)}
-    if not found[plain].usable:
+    models = {plain: fit_model(plain, None)}
+    if not models[plain].usable:
         raise SimulationError(
             "the plain model did not converge, so that nothing can be compared with it; start "
             "nearer, or give narrower priors"
@@ -178,28 +189,28 @@ def _search(
     failures: list[tuple[str, str]] = []
     frontier = [plain]
     while frontier:
-        scale = _error_scale(found.values())
-        before = min(_bic(one, scale) for one in found.values())
+        scale = _error_scale(models.values())
+        before = min(_bic(one, scale) for one in models.values())
         larger = {}
         for effects in frontier:
             for effect in possible:
                 wider = effects | {effect}
-                if wider not in found and wider not in larger and combine(wider):
+                if wider not in models and wider not in larger and combine(wider):
                     larger[wider] = effects
         for effects, parent in larger.items():
             try:
-                found[effects] = fitted(effects, found[parent])
+                models[effects] = fit_model(effects, models[parent])
             except (InputError, SimulationError) as error:
                 name = " + ".join(one.name for one in EFFECTS if one in effects)
                 failures.append((name, str(error)))
-        scale = _error_scale(found.values())
-        now = min(_bic(one, scale) for one in found.values())
+        scale = _error_scale(models.values())
+        now = min(_bic(one, scale) for one in models.values())
         frontier = [
             effects
             for effects in larger
-            if effects in found and _bic(found[effects], scale) < min(before, now + CLEAR)
+            if effects in models and _bic(models[effects], scale) < min(before, now + CLEAR)
         ]
-    return found, failures
+    return models, failures
 
 
 def _bic(candidate: Candidate, scale: float) -> float:
@@ -256,9 +267,9 @@ def _verdict(effect: Effect, candidates: list[Candidate], reason: str | None) ->
     left_out_gain = float(differences.sum())
     left_out_error = float(np.std(differences, ddof=1) * differences.size**0.5)
     word, why = _word(usable[0], best_with, best_without, gain, left_out_gain)
-    lost = [one.name for one in candidates if not one.usable and effect not in one.effects]
-    if word == ASKED_FOR and lost:
-        word, why = UNDECIDED, f"the fit of {lost[0]} did not converge, and may explain as much"
+    rivals = [one.name for one in candidates if not one.usable and effect not in one.effects]
+    if word == ASKED_FOR and rivals:
+        word, why = UNDECIDED, f"the fit of {rivals[0]} did not converge, and may explain as much"
     return Verdict(effect, word, gain, left_out_gain, left_out_error, best_with, best_without, why)
 
 

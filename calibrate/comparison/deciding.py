@@ -51,68 +51,86 @@ def deciding_readings(verdict: Verdict) -> list[Reading]:
     having, lacking = verdict.best_with, verdict.best_without
     if having is None or lacking is None:
         return []
+    pairs = zip(having.problem.experiment.samples, lacking.problem.experiment.samples, strict=True)
     readings = [
         reading
-        for one, other in zip(
-            having.problem.experiment.samples, lacking.problem.experiment.samples, strict=True
-        )
-        if one.readings_of_curve
-        for reading in _of_sample(one, other, having, lacking)
+        for pair in pairs
+        if any(time > 0.0 for time in pair[0].times)
+        for reading in _of_sample(pair, (having, lacking))
         if reading.deviations >= FEWEST_DEVIATIONS
     ]
     return sorted(readings, key=lambda reading: -reading.deviations)[:MOST]
 
 
 def _of_sample(
-    one: Sample, other: Sample, having: Candidate, lacking: Candidate
+    pair: tuple[Sample, Sample], models: tuple[Candidate, Candidate]
 ) -> Iterator[Reading]:
-    """The reading of greatest difference in each tube of a sample, and of its dilution."""
-    first = one.readings_of_curve[0]
-    error = float(np.median([reading.standard_deviation for reading in one.readings_of_curve]))
-    error *= first.si * (one.height if first.observable == "sedimentation_ratio" else 1.0)
-    positive = [time for time in one.times if time > 0.0]
-    for factor, tube in (
-        (1.0, "its tube"),
-        (SHORTER, "a tube of half the height"),
-        (TALLER, "a tube of twice the height"),
-    ):
-        times = np.geomspace(min(positive), LONGER * max(positive), TIMES)
-        tubes = (_variant(sample, factor * sample.height, times) for sample in (one, other))
-        with_it, without_it = (
-            np.asarray(_predicted(sample, model)["mudline"])
-            for sample, model in zip(tubes, (having, lacking), strict=True)
+    """The reading of greatest difference in each tube of a sample, and of its dilution.
+
+    Args:
+      pair: the sample as the two models have it.
+      models: the model that has the effect, and the one that lacks it.
+    """
+    sample = pair[0]
+    first = sample.readings_of_curve[0]
+    error = float(np.median([reading.standard_deviation for reading in sample.readings_of_curve]))
+    error *= first.si * (sample.height if first.observable == "sedimentation_ratio" else 1.0)
+    earliest = min(time for time in sample.times if time > 0.0)
+    times = np.geomspace(earliest, LONGER * max(sample.times), TIMES)
+    for factor, tube in _tubes(sample):
+        having, lacking = (
+            _mudline(replace(variant, height=factor * sample.height), times, model)
+            for variant, model in zip(pair, models, strict=True)
         )
-        apart = np.abs(with_it - without_it)
+        apart = np.abs(having - lacking)
         if not np.isfinite(apart).all():
             continue
         place = int(np.argmax(apart))
-        time = times[place] / TIME_UNITS[one.time_unit]
+        time = times[place] / TIME_UNITS[sample.time_unit]
         yield Reading(
-            f"the mudline of sample {one.name} in {tube} at {time:.3g} {one.time_unit}",
-            1e3 * float(with_it[place]),
-            1e3 * float(without_it[place]),
+            f"the mudline of sample {sample.name} in {tube} at {time:.3g} {sample.time_unit}",
+            1e3 * float(having[place]),
+            1e3 * float(lacking[place]),
             "mm",
             float(apart[place] / error),
         )
-    fraction = 0.5 * float(one.recipe.volume_fraction)
-    diluted = (replace(sample, fractions=(fraction,)) for sample in (one, other))
-    velocities = [
-        1e6 * float(_predicted(sample, model)["initial_velocities"][0])
-        for sample, model in zip(diluted, (having, lacking), strict=True)
-    ]
-    mean = 0.5 * abs(sum(velocities))
+    if sample.rotor is None:
+        yield from _of_dilution(pair, models)
+
+
+def _tubes(sample: Sample) -> Iterator[tuple[float, str]]:
+    """Heights of tubes over that of the sample, with their names; that of a rotor stays."""
+    yield 1.0, "its tube"
+    if sample.rotor is None:
+        yield SHORTER, "a tube of half the height"
+        yield TALLER, "a tube of twice the height"
+
+
+def _of_dilution(
+    pair: tuple[Sample, Sample], models: tuple[Candidate, Candidate]
+) -> Iterator[Reading]:
+    """The initial velocity at half the volume fraction; arguments as for `_of_sample`."""
+    fraction = 0.5 * float(pair[0].recipe.volume_fraction)
+    having, lacking = (
+        1e6 * _velocity(replace(sample, fractions=(fraction,)), model)
+        for sample, model in zip(pair, models, strict=True)
+    )
+    mean = 0.5 * abs(having + lacking)
     if np.isfinite(mean) and mean > 0.0:
-        yield Reading(
-            f"the initial velocity of sample {one.name} at half its volume fraction",
-            velocities[0],
-            velocities[1],
-            "µm/s",
-            abs(velocities[0] - velocities[1]) / (VELOCITY_ERROR * mean),
-        )
+        text = f"the initial velocity of sample {pair[0].name} at half its volume fraction"
+        deviations = abs(having - lacking) / (VELOCITY_ERROR * mean)
+        yield Reading(text, having, lacking, "µm/s", deviations)
 
 
-def _variant(sample: Sample, height: float, times: np.ndarray) -> Sample:
-    return replace(sample, height=height, times=tuple(map(float, times)), points=())
+def _mudline(sample: Sample, times: np.ndarray, model: Candidate) -> np.ndarray:
+    """Predicted heights of the mudline at other times, s; m, (T,)."""
+    sample = replace(sample, times=tuple(map(float, times)), points=())
+    return np.asarray(_predicted(sample, model)["mudline"])
+
+
+def _velocity(sample: Sample, model: Candidate) -> float:
+    """Predicted initial velocity at the first of a sample's volume fractions, m/s."""
+    return float(_predicted(sample, model)["initial_velocities"][0])
 
 
 def _predicted(sample: Sample, model: Candidate) -> Prediction:

@@ -90,6 +90,10 @@ def refusal(experiment: Experiment, effect: Effect) -> str | None:
                     f"the closure of sample {sample.name} has no flocs as a further step; give "
                     '[drag] f_w = {closure = "richardson-zaki"}'
                 )
+    if effect in (SIZES, YIELDING_BED) and any(
+        sample.rotor is not None for sample in experiment.samples
+    ):
+        return "a tube in a rotor has one size and a rigid bed"
     if effect is SIZES and any(sample.recipe.fluid.yield_growth for sample in experiment.samples):
         return "classes of several sizes do not settle in an ageing carrier"
     if effect in (YIELDING_BED, DELAY_AT_START) and any(

@@ -12,6 +12,8 @@ from calibrate.models.prediction import (
     ForwardModel,
     Prediction,
     prediction,
+    refuse_spread,
+    refuse_yielding,
     terminal_velocities,
     without_delay,
 )
@@ -26,9 +28,12 @@ def centrifuged(sample: Sample, near: Suspension, rotor: Rotor) -> ForwardModel:
     Times are those of the rotor at speed, and heights are above its floor. The bed is rigid.
 
     Raises:
-      InputError: the volume fraction of the bed is not known, particles do not settle at every
+      InputError: the bed yields, a spread of sizes is fitted, the volume fraction of the bed is not
+        known, particles do not settle at every
         volume fraction up to that of the bed, or some fall faster in a denser suspension.
     """
+    refuse_yielding(sample, near, "column in a rotor")
+    refuse_spread(sample, near, "column in a rotor")
     simulated_fraction(sample, near, 0, (), None)  # refuses a bed that is not known
     reading_times = jnp.asarray(sample.times, float)
 

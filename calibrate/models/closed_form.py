@@ -53,9 +53,10 @@ def closed_form(
     def upright_times(suspension: Suspension, velocity: Array, times: Array) -> Array:
         """The times at which an upright tube without delay or ageing has the same state."""
         tilt, times = tilt_of(sample, suspension), effective_times(suspension, times)
-        if tilt is None:
+        densest = fraction_of_bed(suspension, bed)
+        if tilt is None or densest is None:  # no reading depends on a bed that is not known
             return times
-        share = suspension.volume_fraction / jnp.asarray(fraction_of_bed(suspension, bed))
+        share = suspension.volume_fraction / jnp.asarray(densest)
         return straight_clock(times, tilt, sample.height, velocity, share)
 
     def predict(suspension: Suspension, times: Array = reading_times) -> Prediction:

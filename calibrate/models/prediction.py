@@ -86,7 +86,7 @@ def refuse_yielding(sample: Sample, near: Suspension, model: str) -> None:
     if near.compression is not None:
         raise InputError(
             f"sample {sample.name!r}: its bed yields (compression), and that of the model {model} "
-            "is rigid; fit with column"
+            "is rigid; fit with column, or leave the compression out"
         )
 
 
@@ -103,8 +103,9 @@ def refuse_spread(sample: Sample, near: Suspension, model: str) -> None:
     """
     if near.spread is not None:
         raise InputError(
-            f"sample {sample.name!r}: its {SPREAD} is for several sizes in a column, and the model "
-            f"{model} takes the sizes of the recipe; fit with column"
+            f"sample {sample.name!r}: its {SPREAD} is for several sizes in an upright or tilted "
+            f"column, and the model {model} takes the sizes of the recipe; fit with column, or "
+            "leave it out"
         )
 
 
@@ -117,6 +118,14 @@ def terminal_velocities(sample: Sample, suspension: Suspension) -> Array:
         return jnp.mean(terminal_velocity(suspension.at(fraction).parameters))
 
     return jax.vmap(velocity)(jnp.asarray(sample.fractions, float))
+
+
+def initial_rate(sample: Sample, suspension: Suspension) -> Array | float:
+    """Initial velocity of the mudline over that of Eq. 27, in a tilted tube or a rotor; ()."""
+    tilt, rotor = tilt_of(sample, suspension), sample.rotor
+    if rotor is not None:
+        return rotor.top_radius / rotor.floor_radius
+    return 1.0 if tilt is None else tilt.rate(sample.height)
 
 
 def prediction(
@@ -143,15 +152,10 @@ def prediction(
         (Q,); None for a model without them.
     """
     local = {} if concentrations is None else {"concentrations": concentrations}
-    tilt, rotor = tilt_of(sample, suspension), sample.rotor
-    if tilt is not None:
-        velocity, velocities = (tilt.rate(sample.height) * each for each in (velocity, velocities))
-    if rotor is not None:
-        at_top = rotor.top_radius / rotor.floor_radius
-        velocity, velocities = at_top * velocity, at_top * velocities
+    factor = initial_rate(sample, suspension)
     return local | {
-        "initial_velocity": velocity,
-        "initial_velocities": velocities,
+        "initial_velocity": factor * velocity,
+        "initial_velocities": factor * velocities,
         "final_ratio": final,
         "sedimentation_ratio": ratio,
         "mudline": sample.height * ratio,

@@ -14,6 +14,7 @@ from calibrate.experiment.sample import Sample
 from calibrate.experiment.suspension import Suspension
 from calibrate.models import polydisperse
 from calibrate.models.prediction import tilt_of
+from mrjax import InputError
 from mrjax.continuum.case import Case
 from mrjax.continuum.clock import delayed_times
 from mrjax.continuum.exact import exact_column
@@ -91,6 +92,10 @@ def _upon_start(case: Case, threshold: Array) -> Tube:
         return exact_column(case, cells=CELLS)
     common = {name: value for name, value in case._asdict().items() if name != "parameters"}
     if jnp.ndim(case.volume_fraction):
+        if case.compression is not None or case.rotor is not None:
+            raise InputError(
+                "particles of several sizes have no yielding bed and no rotor; leave one out"
+            )
         del common["compression"], common["rotor"]
         cells = polydisperse.CELLS
         return mrjax.polydisperse_column(

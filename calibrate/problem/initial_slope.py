@@ -9,6 +9,7 @@ from calibrate.experiment.experiment import Experiment
 from calibrate.experiment.sample import Sample
 from calibrate.experiment.units import CURVES
 from calibrate.least_squares.unknowns import Unknowns
+from calibrate.models.prediction import initial_rate
 from mrjax import terminal_velocity
 from mrjax.core.promotion import relaxed_promotion
 
@@ -66,9 +67,10 @@ def with_initial_slopes(
 
     def missing(logs: Array) -> tuple[Array, Array]:
         theta = unknown.tree(jnp.exp(logs))
+        suspensions = [experiment.suspension_of(sample, theta) for sample, _ in falling_samples]
         falling = [
-            jnp.mean(terminal_velocity(experiment.suspension_of(sample, theta).parameters))
-            for sample, _ in falling_samples
+            initial_rate(sample, suspension) * jnp.mean(terminal_velocity(suspension.parameters))
+            for (sample, _), suspension in zip(falling_samples, suspensions, strict=True)
         ]
         logs_of = jnp.log(jnp.stack(falling)) - jnp.log(
             jnp.array([slope for _, slope in falling_samples])

@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from mrjax.continuum import kynch
+from mrjax.continuum import centrifuge, kynch
 from mrjax.continuum.case import Case
 from mrjax.continuum.rotor import Rotor
 from mrjax.laws import particle, yield_stress
@@ -58,7 +58,12 @@ def _in_rotor(
     level = case.height / cells * (jnp.arange(cells, dtype=profiles.dtype) + 0.5)
     radius, bed = rotor.floor_radius - level[None], rotor.floor_radius - bed_front[:, None]
     falls = (radius < bed) & (level[None] < mudline[:, None]) & (profiles > 0.0)
-    velocity = kynch.flux_at(flux, profiles) / jnp.where(falls, profiles, 1.0)
+    # As without a rotor: the cell that the mudline crosses is thinner than what falls.
+    suspended = centrifuge.suspended_fraction(
+        case.parameters, case.hindrance, case.volume_fraction, rotor, jnp.asarray(case.times)
+    )
+    falling = jnp.maximum(profiles, suspended[:, None])
+    velocity = kynch.flux_at(flux, falling) / falling
     velocity = jnp.where(falls, velocity, 0.0) * (radius / rotor.floor_radius)
     weight = particle.net_weight_density(case.parameters) * case.bed_fraction
     depth = jnp.maximum(radius**2 - bed**2, 0.0) / (2.0 * rotor.floor_radius)

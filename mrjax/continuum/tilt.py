@@ -47,6 +47,9 @@ class Tilt:
     under the upper wall is thin against the gap, and the sediment slides down the lower wall
     (Acrivos & Herbolzheimer 1979): in wide tubes of thin liquids, up to some 60 degrees. At a tilt
     of a few degrees sediment may stay on the lower wall.
+
+    A bed carries its weight as in an upright tube. Along the tube it is less by cos theta: 0.4 % at
+    5 degrees.
     """
 
     angle: ArrayLike

@@ -77,6 +77,16 @@ def test_a_hindered_suspension_follows_its_differential_equation():
     np.testing.assert_allclose(thinned, exact[0], rtol=1e-6)
 
 
+def test_velocities_are_in_proportion_to_the_radius_up_to_the_mudline():
+    """Also in the cell that the mudline crosses, which is thinner than the suspension."""
+    times = np.array([0.5, 1.0]) * HEIGHT / (RATE * FLOOR)
+    column = settled(times, 0.1, 0.6, "sector", hindrance=ZAKI, cells=60)
+    relative = np.asarray(column.settling_velocity) / (FLOOR - np.asarray(column.levels))
+    for row in relative:
+        falling = row[row > 0.0]
+        np.testing.assert_allclose(falling[1:], falling[1], rtol=2e-3)  # the first is in the bed
+
+
 @pytest.mark.parametrize("initial, bed, latest", [(0.15, 0.75, 5.0), (0.5, 0.6, 6.0)])
 def test_the_scheme_comes_to_the_mudline_without_a_grid(initial, bed, latest):
     """In a straight mudline, through the fan of a bed, and at rest; within a third of a cell."""

@@ -5,12 +5,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 import calibrate
 import mrjax
+from calibrate.comparison import effects
 from calibrate.experiment.experiment import Experiment
 from calibrate.experiment.plausibility import refuse_senseless
 from calibrate.experiment.sample import Measurement, Sample
+from calibrate.experiment.sheets import SampleSheet
 from calibrate.experiment.suspension import suspension
 from calibrate.models import tube
 from calibrate.models.closed_form import closed_form
@@ -151,3 +154,21 @@ def test_refused_in_one_line(tmp_path, given, message):
     with pytest.raises(mrjax.InputError, match=message) as refusal:
         experiment(tmp_path, **given)
     assert "\n" not in str(refusal.value)
+
+
+def test_a_yielding_bed_and_a_spread_of_sizes_are_refused_in_a_rotor():
+    """Also where no file was read, as in a comparison of models."""
+    soft = mrjax.Compression(gel_fraction=0.2, stress=10.0, exponent=3.0)
+    for changes, words in (({"compression": soft}, "its bed yields"), ({"spread": 1.5}, "sizes")):
+        with pytest.raises(mrjax.InputError, match=words):
+            column(SAMPLE, replace(spun({}), **changes))
+    experiment = Experiment("spun", (SAMPLE,), ())
+    assert "in a rotor" in effects.refusal(experiment, effects.YIELDING_BED)
+    assert "in a rotor" in effects.refusal(experiment, effects.SIZES)
+    assert effects.refusal(experiment, effects.DELAY_AT_START) is None
+
+
+def test_volumes_in_a_sector_tube_are_refused():
+    rotor = {"speed": 1500.0, "top_radius": 0.1, "floor_radius": 0.13, "shape": "sector"}
+    with pytest.raises(ValidationError, match="a sector tube has none"):
+        SampleSheet(name="A", recipe="r.toml", rotor=rotor, tube_diameter=0.02)

@@ -55,6 +55,15 @@ def test_closed_form_and_column_agree_without_local_drag():
     assert float(closed["mudline"][-1]) == pytest.approx(HEIGHT * 0.1 / BED, rel=1e-12)
 
 
+def test_the_closed_form_needs_no_bed_for_an_initial_velocity():
+    recipe = slurry(local=False)
+    near = suspension(recipe, None, {"tilt": TILT})
+    prediction = closed_form(sampled(recipe, [], bed=None), near)(near)
+    upright = float(mrjax.terminal_velocity(near.parameters))
+    rate = np.cos(np.deg2rad(TILT)) + HEIGHT / GAP * np.sin(np.deg2rad(TILT))
+    assert float(prediction["initial_velocity"]) == pytest.approx(rate * upright, rel=1e-12)
+
+
 def test_a_fit_finds_the_tilt_of_a_synthetic_mudline():
     recipe = slurry()
     sample = sampled(recipe, np.linspace(0.05, 1.0, 12))
