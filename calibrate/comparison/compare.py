@@ -117,11 +117,6 @@ def compare(
     Raises:
       InputError: no sample has a curve, or the plain model cannot be used.
       SimulationError: the plain model did not converge.
-
-    Example:
-      >>> comparison = calibrate.compare("chalk.toml")
-      >>> [(verdict.effect.name, verdict.word) for verdict in comparison.verdicts]
-      [('flocs', 'asked for'), ('yielding bed', 'asked for'), ('delay', 'not needed'), ...]
     """
     if not isinstance(experiment, Experiment):
         experiment = Experiment.load(experiment)

@@ -506,7 +506,8 @@ def test_help_tells_enough(tmp_path, module, arguments, words):
 def test_no_number_is_none():
     of = [*mrjax.__main__.cli.commands.values(), calibrate.__main__.cli]
     bounded = [p for c in of for p in c.params if isinstance(p.type, click.FloatRange)]
-    assert {option.name for option in bounded} == {"overlap", "robust", "tube_diameter"}
+    of_tubes = {"tube_diameter", "tube_height", "height", "hours", "bed_fraction", "compression"}
+    assert {option.name for option in bounded} == {"overlap", "robust", *of_tubes}
     for option in bounded:
         for text in ("nan", "inf", "-inf"):
             with pytest.raises(click.BadParameter):
