@@ -7,6 +7,7 @@ from calibrate.experiment import plausibility
 from calibrate.experiment.sample import Sample
 from calibrate.experiment.sheets import ExperimentSheet, SampleSheet
 from calibrate.experiment.suspension import BED, CLOSURE, COMPRESSION, SPREAD, TILT, refuse_unknown
+from calibrate.experiment.units import VOLUME_UNITS
 from mrjax import InputError
 from mrjax.core.errors import shown
 
@@ -69,6 +70,8 @@ def _refuse_rotor(sample: Sample, names: list[str], source: str) -> None:
         "a compression": bool(given.intersection(COMPRESSION)),
         "gravity as a parameter": "gravity" in given,
         "concentrations in its tube": bool(sample.points),
+        "volumes of a sector tube (give heights)": sample.rotor.shape == "sector"
+        and any(measurement.unit in VOLUME_UNITS for measurement in sample.measurements),
         'bed_fraction = "particles"': sample.bed_fraction == "particles",
         "particles of several sizes": SPREAD in given
         or not isinstance(sample.recipe.particle.diameter, float),

@@ -163,11 +163,6 @@ class SampleSheet(Sheet):
 
     @model_validator(mode="after")
     def _height_between_radii(self) -> Self:
-        if self.rotor is not None and self.rotor.shape == "sector" and self.tube_diameter:
-            raise ValueError(
-                f"tube_diameter = {self.tube_diameter:g}: a sector tube has none, and its volumes "
-                "are not in proportion to heights; give heights, and leave it out"
-            )
         if self.rotor is None:
             return self
         between = self.rotor.floor_radius - self.rotor.top_radius

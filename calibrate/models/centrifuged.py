@@ -11,6 +11,7 @@ from calibrate.models.bed import simulated_fraction
 from calibrate.models.prediction import (
     ForwardModel,
     Prediction,
+    flux_of,
     prediction,
     refuse_spread,
     refuse_yielding,
@@ -18,7 +19,7 @@ from calibrate.models.prediction import (
     without_delay,
 )
 from mrjax import Rotor
-from mrjax.continuum import centrifuge, column_checks, kynch, rotor_checks
+from mrjax.continuum import centrifuge, column_checks, rotor_checks
 from mrjax.continuum.case import Case
 
 
@@ -36,11 +37,6 @@ def centrifuged(sample: Sample, near: Suspension, rotor: Rotor) -> ForwardModel:
     refuse_spread(sample, near, "column in a rotor")
     simulated_fraction(sample, near, 0, (), None)  # refuses a bed that is not known
     reading_times = jnp.asarray(sample.times, float)
-
-    def flux_of(suspension: Suspension) -> kynch.Table:
-        densest = jnp.asarray(suspension.bed_fraction, float)
-        initial = suspension.volume_fraction
-        return kynch.table(suspension.parameters, suspension.hindrance, initial, densest)
 
     if sample.times:
         column_checks.refuse_not_settling(flux_of(near))

@@ -16,6 +16,7 @@ from calibrate.models.prediction import (
     ForwardModel,
     Prediction,
     effective_times,
+    flux_of,
     forever,
     layers,
     prediction,
@@ -61,13 +62,8 @@ def column(
             return times
         return characteristics.tilted_times(flux, height, times, tilt)
 
-    def flux_of(suspension: Suspension) -> kynch.Table:
-        densest = jnp.asarray(fraction_of_bed(suspension, bed), float)
-        initial = suspension.volume_fraction
-        return kynch.table(suspension.parameters, suspension.hindrance, initial, densest)
-
     if sample.times or sample.points:
-        column_checks.refuse_not_settling(flux_of(near))
+        column_checks.refuse_not_settling(flux_of(near, fraction_of_bed(near, bed)))
 
     @jax.jit  # one program for calls with plain numbers, too
     def predict(suspension: Suspension, times: Array = reading_times) -> Prediction:
@@ -75,7 +71,7 @@ def column(
         final = final_ratio(suspension, bed)
         ratio, local = jnp.zeros(0), jnp.zeros(0)
         if sample.times or sample.points:
-            flux = flux_of(suspension)
+            flux = flux_of(suspension, fraction_of_bed(suspension, bed))
             # A factor, not a `where`: so derivatives are NaN, too.
             possible = jnp.where(column_checks.settles(flux), 1.0, jnp.nan)
             if suspension.parameters.yield_growth is not None:

@@ -7,10 +7,12 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 from jax import Array
+from jax.typing import ArrayLike
 
 from calibrate.experiment.sample import Sample
 from calibrate.experiment.suspension import SPREAD, Suspension
 from mrjax import InputError, terminal_velocity
+from mrjax.continuum import kynch
 from mrjax.continuum.clock import delayed_times
 from mrjax.continuum.tilt import Tilt
 from mrjax.laws import yield_stress
@@ -107,6 +109,22 @@ def refuse_spread(sample: Sample, near: Suspension, model: str) -> None:
             f"column, and the model {model} takes the sizes of the recipe; fit with column, or "
             "leave it out"
         )
+
+
+def flux_of(suspension: Suspension, densest: ArrayLike | None = None) -> kynch.Table:
+    """Kynch's flux of a suspension up to the volume fraction of its bed.
+
+    Args:
+      suspension: the suspension.
+      densest: volume fraction of the bed; by default that of the suspension.
+    """
+    bed = suspension.bed_fraction if densest is None else densest
+    return kynch.table(
+        suspension.parameters,
+        suspension.hindrance,
+        suspension.volume_fraction,
+        jnp.asarray(bed, float),
+    )
 
 
 def terminal_velocities(sample: Sample, suspension: Suspension) -> Array:

@@ -11,6 +11,7 @@ from calibrate.models.prediction import (
     ForwardModel,
     Layers,
     Prediction,
+    flux_of,
     layers,
     prediction,
     terminal_velocities,
@@ -18,7 +19,7 @@ from calibrate.models.prediction import (
     without_delay,
 )
 from mrjax import InputError
-from mrjax.continuum import column_checks, consolidation, kynch
+from mrjax.continuum import column_checks, consolidation
 from mrjax.continuum import yielding as yielding_bed
 from mrjax.continuum.case import Case
 
@@ -47,14 +48,6 @@ def yielding(
     """
     reading_times = jnp.asarray(sample.times, float)
     height = jnp.asarray(sample.height, float)
-
-    def flux_of(suspension: Suspension) -> kynch.Table:
-        return kynch.table(
-            suspension.parameters,
-            suspension.hindrance,
-            suspension.volume_fraction,
-            jnp.asarray(suspension.bed_fraction, float),
-        )
 
     _refuse_impossible(sample, near)
     flux_near = flux_of(near)

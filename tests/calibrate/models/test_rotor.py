@@ -5,15 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 import calibrate
 import mrjax
 from calibrate.comparison import effects
+from calibrate.experiment import consistency
 from calibrate.experiment.experiment import Experiment
 from calibrate.experiment.plausibility import refuse_senseless
 from calibrate.experiment.sample import Measurement, Sample
-from calibrate.experiment.sheets import SampleSheet
 from calibrate.experiment.suspension import suspension
 from calibrate.models import tube
 from calibrate.models.closed_form import closed_form
@@ -169,6 +168,13 @@ def test_a_yielding_bed_and_a_spread_of_sizes_are_refused_in_a_rotor():
 
 
 def test_volumes_in_a_sector_tube_are_refused():
-    rotor = {"speed": 1500.0, "top_radius": 0.1, "floor_radius": 0.13, "shape": "sector"}
-    with pytest.raises(ValidationError, match="a sector tube has none"):
-        SampleSheet(name="A", recipe="r.toml", rotor=rotor, tube_diameter=0.02)
+    """They are not in proportion to heights; those of a straight tube are."""
+    readings = tuple(
+        Measurement("mudline", volume, 0.1, "mL", 1e-3, place)
+        for place, volume in enumerate((9.0, 5.0))
+    )
+    sample = replace(SAMPLE, measurements=readings, times=SAMPLE.times[:2])
+    with pytest.raises(mrjax.InputError, match=r"volumes of a sector tube \(give heights\)"):
+        consistency._refuse_rotor(sample, [], "spun.toml")
+    straight = replace(ROTOR, shape="straight")
+    consistency._refuse_rotor(replace(sample, rotor=straight), [], "spun.toml")
