@@ -330,7 +330,7 @@ def refuse_short_period(box: Box, particles: int, cutoff: float) -> None:
         if particles > 1 and box.size[axis] < 2 * cutoff:
             raise InputError(
                 f"box size = {box.size[axis]:.4g} m along {AXES[axis]} is periodic but too narrow: "
-                "a particle could touch two images of one neighbour, of which the list holds only "
+                "a particle could reach two images of one neighbour, of which the list holds only "
                 f"the nearest; give at least {2 * cutoff:.4g} m, or walls"
             )
 

@@ -38,13 +38,15 @@ def contact_forces(
     Args:
       state: state of the particles; its contact history gives the tangential springs.
       parameters, box: parameters and container of the run.
-      forces: forces of the run, of which only the pair forces count; contact if left out.
+      forces: forces of the run, of which only the pair forces count;
+        those of a run if left out.
 
     Returns:
       forces, (N, 3) in N, and torques about the centres, (N, 3) in N m.
 
     Raises:
-      InputError: the parameters do not fit the state, or an entry of `forces` is not a force.
+      InputError: the parameters do not fit the state, an entry of `forces` is not a force, or a
+        period of the box is too short for the forces.
     """
     pairs, sums, units = _moment(System.of(state, parameters, box, forces=forces))
     force = units.scale((1, 1, -2)) * sums.force.T
@@ -85,7 +87,7 @@ class ContactList(NamedTuple):
     """Vector from the centre of the first particle to that of the second, or to the wall; (C, 3)
     in m."""
     force: np.ndarray
-    """Normal force, dissipation included; (C,) in N."""
+    """Repulsive normal force, dissipation included, without attraction; (C,) in N."""
 
 
 Touching = ContactList
@@ -94,6 +96,8 @@ Touching = ContactList
 
 def normal_forces(state: State, parameters: Parameters, box: Box) -> ContactList:
     """Lists all contacts with their normal forces. It cannot be traced (by `jit` or `grad`).
+
+    The forces are those of Hertz's law with dissipation. Attraction is not subtracted from them.
 
     Args:
       state: state of the particles.
@@ -150,11 +154,13 @@ def _moment(system: System) -> tuple[Pairs, PairForceSums, Units]:
         None,
         reduced_forces(system.forces, units, state),
     )
+    plan = schedule.plan_neighbour_list(
+        state, radius, box, diameter, skin=0.0, reach=max(reach, default=0.0)
+    )
+    checks.refuse_short_period(box, state.particles, plan.cutoff * length)
     settings = EngineSettings(
         box=box.scaled(1 / units.length),
-        neighbour_list=schedule.plan_neighbour_list(
-            state, radius, box, diameter, skin=0.0, reach=max(reach, default=0.0)
-        ),
+        neighbour_list=plan,
         steps=1,
         reach=tuple(gap / length for gap in reach),
         trajectory=False,

@@ -1,5 +1,6 @@
 """Bounds on forces other than weight and contact, which limit the time step of a run."""
 
+from dataclasses import fields
 from typing import Any
 
 import jax
@@ -32,6 +33,12 @@ from mrjax.laws.vectors import dot
 
 GAPS = 65
 """Number of gaps at which a pair force is sampled, from the overlap `DEEPEST` to its reach."""
+NEAR = 8
+"""Number of further gaps, and of overlaps, that are closer to each other near first touch.
+
+There a force of surfaces is steepest, within a range that may be far below `DEEPEST`."""
+NEAREST = 1e-3
+"""Least of them, over the reach or `DEEPEST`."""
 DEEPEST = 0.05
 """Deepest sampled overlap, in radii."""
 SAMPLED = 64
@@ -79,15 +86,19 @@ def _of_pair(
     coated, material, count = particle.coated_particle(numbers), state.material, state.particles
     sizes = np.broadcast_to(coated.radius, count)
     ids = np.argsort(sizes)[np.linspace(0, count - 1, min(count, SAMPLED)).astype(int)]
-    first = np.tile(ids, 2 * GAPS)
-    wall = np.arange(2 * len(ids)) >= len(ids)
-    wall = np.tile(wall, GAPS)
+    depth = DEEPEST * np.tile(sizes[ids], 2)
+    share = np.linspace(0.0, 1.0, GAPS)[:, None]
+    near = np.geomspace(NEAREST, 1.0, NEAR)[:, None]
+    gaps = np.concatenate(
+        [share * (reach + depth) - depth, near * np.full_like(depth, reach), -near * depth]
+    )
+    gap, samples = gaps.ravel(), len(gaps)
+    first = np.tile(ids, 2 * samples)
+    wall = np.tile(np.arange(2 * len(ids)) >= len(ids), samples)
     radius = sizes[first]
     coefficients = force.coefficients(
         numbers, SurfacePairs(first, np.where(wall, count, first), wall, material, coated)
     )
-    share = np.repeat(np.linspace(0.0, 1.0, GAPS), 2 * len(ids))
-    gap = share * (reach + DEEPEST * radius) - DEEPEST * radius
     law = force.for_one_pair()
 
     def at(pair: PairKinematics, own: Any) -> tuple[Array, Array]:
@@ -130,9 +141,15 @@ def _reach(force: PairForce, numbers: Parameters) -> float:
     name = type(force).__name__
     reach = evaluated_or_none(drop_tracers(force).reach, numbers)
     if reach is None:
+        traced = [
+            leaf.name
+            for leaf in fields(numbers)
+            if isinstance(getattr(numbers, leaf.name), jax.core.Tracer)
+        ]
         raise InputError(
-            f"the reach of {name} is traced by jit or vmap; it fixes the neighbour list, so "
-            "let reach() give a number in m that does not depend on traced values"
+            f"the reach of {name} is traced by jit or vmap; it fixes the neighbour list: keep "
+            f"{' or '.join(traced) or 'the fields of the force'} out of jit and vmap (grad alone "
+            "is allowed), or let reach() of a force of your own give a number in m"
         )
     if not 0.0 <= reach <= LARGEST:
         raise InputError(f"the reach of {name} is {reach:g} m: give a length, 0 for contact")

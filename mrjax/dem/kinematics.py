@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 from jax import Array
+from jax.typing import ArrayLike
 
 from mrjax.laws.normal import LEAST_DISTANCE
 from mrjax.laws.vectors import Vector, cross, dot, plus, times
@@ -102,13 +103,18 @@ def pair_kinematics(
     )
 
 
-def time_in_contact(pair: PairKinematics, time_step: float) -> Array:
+def time_in_contact(pair: PairKinematics, time_step: ArrayLike) -> Array:
     """Time during which the surfaces touched within the last step, (P,).
 
     Suppose a spring stretched by the slip of the whole step in which contact begins. Then it would
     not depend on the moment of first contact, nor would the motion after it. The derivative would
     lack a contribution that does not vanish with the step.
     """
+    return time_step * share_in_contact(pair, time_step)
+
+
+def share_in_contact(pair: PairKinematics, time_step: ArrayLike) -> Array:
+    """Share of the last step during which the surfaces touched; 1 if they do not touch, (P,)."""
     approach = jnp.maximum(time_step * pair.normal_velocity, pair.overlap)
     touches = pair.overlap > 0.0
-    return time_step * jnp.where(touches, pair.overlap / jnp.where(touches, approach, 1.0), 1.0)
+    return jnp.where(touches, pair.overlap / jnp.where(touches, approach, 1.0), 1.0)

@@ -24,8 +24,8 @@ STRONG = 4.0
 def force_distribution(state: State, parameters: Parameters, box: Box) -> Figure:
     """Draws the probability density of normal forces over their mean, on a logarithmic axis.
 
-    Forces on walls are included. An exponential distribution with the same mean is drawn for
-    comparison, because the tails of granular packings are compared with it.
+    Forces on walls are included; attraction is not subtracted. An exponential distribution with the
+    same mean is drawn for comparison, because the tails of granular packings are compared with it.
 
     Args:
       state: state of a run at one time.
@@ -47,7 +47,7 @@ def force_distribution(state: State, parameters: Parameters, box: Box) -> Figure
     smooth = np.linspace(0.0, edges[-1], 100)
     axes.semilogy(smooth, np.exp(-smooth), "--", color="0.5", label="exponential, the same mean")
     axes.set_xlim(0.0, edges[-1])
-    axes.set_xlabel(f"normal force / its mean, {_with_prefix(force.mean())}")
+    axes.set_xlabel(f"{_name(parameters)} / its mean, {_with_prefix(force.mean())}")
     axes.set_ylabel("probability density")
     axes.legend()
     return figure
@@ -56,6 +56,8 @@ def force_distribution(state: State, parameters: Parameters, box: Box) -> Figure
 @STYLE
 def force_chains(state: State, parameters: Parameters, box: Box) -> Figure:
     """Draws normal forces as lines between centres; stronger forces have thicker lines.
+
+    Attraction is not subtracted from them.
 
     Args:
       state: state of a run at one time.
@@ -96,7 +98,7 @@ def force_chains(state: State, parameters: Parameters, box: Box) -> Figure:
     )
     spheres.draw_box(axes, size)
     mean = _with_prefix(contacts.force.mean())
-    axes.set_title(f"{len(contacts.force)} contacts, mean normal force {mean}")
+    axes.set_title(f"{len(contacts.force)} contacts, mean {_name(parameters)} {mean}")
     return figure
 
 
@@ -105,6 +107,11 @@ def _contacts(state: State, parameters: Parameters, box: Box) -> ContactList:
     if not len(contacts.force):
         raise InputError("nothing touches in this state: give that of a bed")
     return contacts
+
+
+def _name(parameters: Parameters) -> str:
+    """Name of the force, which is the repulsive part where surfaces attract each other."""
+    return "normal force" if parameters.hamaker is None else "repulsive force"
 
 
 def _with_prefix(force: float) -> str:

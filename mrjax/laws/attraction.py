@@ -33,6 +33,10 @@ from mrjax.laws.effective import SurfacePairs
 
 CUT_OFF = 10.0
 """Gap at which the force ends, in ranges."""
+BARE_LAYER = 2e-10
+"""Half of the closest gap between bare surfaces, m."""
+SHARES = {"dmt": 1.0, "jkr": 0.75}
+"""Pull-off force of each law over 2 pi w R*."""
 
 
 def hamaker_constant(parameters: Parameters) -> Array:
@@ -46,7 +50,8 @@ def layer_thickness(parameters: Parameters) -> Array:
     """Thickness of the layers on the particles, m; () or (N,)."""
     if parameters.layer_thickness is None:
         raise InputError(
-            "layer_thickness is missing, which attraction needs: give m, 2e-10 for a bare surface"
+            "layer_thickness is missing, which attraction needs: give m, "
+            f"{BARE_LAYER:g} for a bare surface"
         )
     return jnp.asarray(parameters.layer_thickness)
 
@@ -81,18 +86,22 @@ def jkr_force(
       modulus: E* of Eq. 5, Pa.
       radius: R* of Eq. 6, m.
     """
-    # The slope is infinite at tear-off.
-    depth = jnp.maximum(overlap / tear_off_gap(pull_off, modulus, radius), _LEAST_DEPTH)
-    cubic = jnp.cbrt(1.0 + jnp.sqrt(1.0 + depth * depth * depth))
+    depth = jnp.asarray(overlap / tear_off_gap(pull_off, modulus, radius))
+    # The slope is infinite at tear-off: end a few roundings before it.
+    depth = jnp.maximum(depth, -1.0 + 8.0 * float(jnp.finfo(depth.dtype).eps))
+    cubic = jnp.cbrt(1.0 + _root(1.0 + depth * depth * depth))
     ratio = depth / cubic
     resolvent = 2.0 / (cubic * cubic + depth + ratio * ratio)
     root = jnp.sqrt(2.0 * resolvent)
-    size = 0.5 * (root + jnp.sqrt(jnp.maximum(8.0 / root - 2.0 * resolvent, 0.0)))
+    size = 0.5 * (root + _root(8.0 / root - 2.0 * resolvent))
     cube = size * size * size
     return pull_off * cube * (cube - 6.0) / 9.0
 
 
-_LEAST_DEPTH = -1.0 + 1e-9
+def _root(square: Array) -> Array:
+    """Square root with finite derivatives; 0 where rounding makes the square negative."""
+    positive = square > 0.0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
 
 
 def tear_off_gap(pull_off: ArrayLike, modulus: ArrayLike, radius: ArrayLike) -> Array:
@@ -103,8 +112,9 @@ def tear_off_gap(pull_off: ArrayLike, modulus: ArrayLike, radius: ArrayLike) -> 
       modulus: E* of Eq. 5, Pa.
       radius: R* of Eq. 6, m.
     """
-    force = pull_off / modulus
-    return 0.75 * jnp.cbrt(4.0 / 9.0 * force * force / radius)
+    # The square of F_c / E* in SI is below the range of float32.
+    ratio = pull_off / modulus / (radius * radius)
+    return 0.75 * radius * jnp.cbrt(4.0 / 9.0 * ratio * ratio)
 
 
 def attraction_in_contact(
@@ -124,7 +134,9 @@ def attraction_in_contact(
     attracts = pull_off > 0.0
     net = jkr_force(overlap, jnp.where(attracts, pull_off, modulus * radius**2), modulus, radius)
     hertz = normal.normal_force(overlap, 0.0, modulus, radius, 1.0, damped=False)
-    return jnp.where(attracts, hertz - net, 0.0)
+    # The limit of a weak attraction, for the derivative by F_c at 0.
+    weak = jnp.where(overlap > 0.0, 2.0 / 3.0 * pull_off, 0.0)
+    return jnp.where(attracts, hertz - net, weak)
 
 
 def pull_off(parameters: Parameters, surfaces: SurfacePairs, law: str = "dmt") -> Array:
@@ -138,8 +150,8 @@ def pull_off(parameters: Parameters, surfaces: SurfacePairs, law: str = "dmt") -
       law: `dmt` or `jkr`.
     """
     hamaker = surfaces.by_material(hamaker_constant(parameters))
-    share = 1.0 / 6.0 if law == "dmt" else 1.0 / 8.0
-    return share * hamaker * surfaces.reduced_radius / _steric_gap(parameters, surfaces) ** 2
+    gap = _steric_gap(parameters, surfaces)
+    return SHARES[law] * dimensionless.pull_off(hamaker, surfaces.reduced_radius, gap)
 
 
 def _steric_gap(parameters: Parameters, surfaces: SurfacePairs) -> Array:
@@ -189,20 +201,18 @@ def bond_number(parameters: Parameters) -> Array:
     return dimensionless.granular_bond_number(parameters, largest, gap)
 
 
-def pull_off_of_like_particles(parameters: Parameters) -> tuple[Array, Array]:
-    """Pull-off forces of each particle from a like one and from a wall, N; () or (N,) each.
-
-    With several materials, the largest Hamaker constant counts.
+def largest_pull_off(parameters: Parameters, law: str = "dmt") -> tuple[Array, Array]:
+    """Upper bounds on the pull-off forces of two particles, like or not, and at a wall; N, ().
 
     Args:
       parameters: physical parameters, in any coherent system of units.
+      law: `dmt` or `jkr`.
     """
-    radius = particle.outer_radius(parameters)
-    layer, wall_layer = layer_thickness(parameters), parameters.wall_layer_thickness
-    hamaker = hamaker_constant(parameters)
+    hamaker, wall_layer = hamaker_constant(parameters), parameters.wall_layer_thickness
     table = hamaker if hamaker.ndim else jnp.broadcast_to(hamaker, (2, 2))
+    radius = jnp.max(particle.outer_radius(parameters))
+    layer = jnp.min(layer_thickness(parameters))
     gap_at_wall = layer + (layer if wall_layer is None else wall_layer)
-    return (
-        jnp.max(table[:-1, :-1]) * radius / (12.0 * (2.0 * layer) ** 2),
-        jnp.max(table[:-1, -1]) * radius / (6.0 * gap_at_wall**2),
-    )
+    between = dimensionless.pull_off(jnp.max(table[:-1, :-1]), radius / 2.0, 2.0 * layer)
+    at_wall = dimensionless.pull_off(jnp.max(table[:-1, -1]), radius, gap_at_wall)
+    return SHARES[law] * between, SHARES[law] * at_wall

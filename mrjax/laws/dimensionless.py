@@ -76,6 +76,17 @@ def reynolds_number(velocity: ArrayLike, parameters: Parameters) -> Array:
     return parameters.fluid_density * velocity * diameter / viscosity
 
 
+def pull_off(hamaker: ArrayLike, radius: Array, gap: ArrayLike) -> Array:
+    """Pull-off force F_c = A R* / (6 h_0^2) of two surfaces (Derjaguin), N.
+
+    Args:
+      hamaker: Hamaker constant A, J.
+      radius: R*, half the radius of two equal spheres, m.
+      gap: h_0, closest gap between the surfaces, m.
+    """
+    return hamaker * radius / (6.0 * gap**2)
+
+
 def granular_bond_number(parameters: Parameters, hamaker: ArrayLike, gap: ArrayLike) -> Array:
     """Granular Bond number Bo = F_c / W, the pull-off force of two equal spheres over their weight.
 
@@ -87,8 +98,8 @@ def granular_bond_number(parameters: Parameters, hamaker: ArrayLike, gap: ArrayL
       hamaker: Hamaker constant A, J.
       gap: h_0, closest gap between the surfaces, m: twice the thickness of the layer on each.
     """
-    pull_off = hamaker * particle.outer_radius(parameters) / (12.0 * gap**2)
-    return pull_off / jnp.abs(particle.net_weight(parameters))
+    force = pull_off(hamaker, particle.outer_radius(parameters) / 2.0, gap)
+    return force / jnp.abs(particle.net_weight(parameters))
 
 
 def numbers(

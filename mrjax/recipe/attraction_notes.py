@@ -5,11 +5,10 @@ import numpy as np
 from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.core.parameters import Parameters
 from mrjax.laws import dimensionless, particle
+from mrjax.laws.attraction import BARE_LAYER
 
 TYPICAL_HAMAKER = 1e-19
 """Hamaker constant of metals and oxides across oil or water, J: an order of magnitude."""
-BARE_LAYER = 0.2e-9
-"""Half of the closest gap between bare surfaces, m."""
 LAYERS = {"bare surfaces": BARE_LAYER, "oleic acid": 2e-9, "guar gum": 200e-9}
 """Thickness of typical layers on one surface, m."""
 WEAK, STICKY, SATURATED = 0.1, 1.0, 10.0
@@ -27,14 +26,14 @@ def notes(
     Args:
       parameters: particles and fluid, leaves () or (N,).
       hamaker: Hamaker constant, J; None if the sheet states none.
-      layer_thickness: thickness of the layer on one surface, m; None for bare surfaces.
+      layer_thickness: thickness of the layer on one surface, m; None if the sheet states none,
+        for bare surfaces.
     """
     if not np.any(evaluate_with_numpy(particle.net_weight, parameters)):
         return []
     if hamaker is None:
         return [_typical(parameters)]
-    layer = BARE_LAYER if layer_thickness is None else layer_thickness
-    return [_stated(parameters, hamaker, layer)]
+    return [_stated(parameters, hamaker, layer_thickness)]
 
 
 def _typical(parameters: Parameters) -> str:
@@ -53,8 +52,10 @@ def _typical(parameters: Parameters) -> str:
     )
 
 
-def _stated(parameters: Parameters, hamaker: float, layer: float) -> str:
+def _stated(parameters: Parameters, hamaker: float, layer_thickness: float | None) -> str:
     """A note on the attraction of a sheet."""
+    assumed = layer_thickness is None
+    layer = BARE_LAYER if assumed else layer_thickness
     bonds = _bonds(parameters, hamaker, layer)
     largest = float(bonds.max())
     if largest < WEAK:
@@ -70,7 +71,8 @@ def _stated(parameters: Parameters, hamaker: float, layer: float) -> str:
         )
     return (
         f"the granular Bond number (pull-off force over net weight) is {_range(bonds)}, with a "
-        f"Hamaker constant of {hamaker:.3g} J and layers of {1e9 * layer:.3g} nm: {effect}"
+        f"Hamaker constant of {hamaker:.3g} J and layers of {1e9 * layer:.3g} nm"
+        f"{', assumed for bare surfaces' if assumed else ''}: {effect}"
     )
 
 

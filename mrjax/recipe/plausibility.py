@@ -32,6 +32,7 @@ def refuse_implausible(recipe: Suspension) -> None:
     """
     _refuse_units(recipe)
     _refuse_coating(recipe)
+    _refuse_bare(recipe)
     _refuse_wall(recipe)
     _refuse_neutral(recipe)
     _refuse_packing(recipe)
@@ -96,6 +97,16 @@ def _refuse_coating(recipe: Suspension) -> None:
         raise ValueError(
             f"composition.coating = {composition.coating}: there is no table [coating]; "
             "add one, or set the fraction to 0"
+        )
+
+
+def _refuse_bare(recipe: Suspension) -> None:
+    """Refuses to assume the layer of a bare surface on coated particles."""
+    attraction = recipe.attraction
+    if recipe.coating and attraction and "layer_thickness" not in attraction.stated:
+        raise ValueError(
+            "attraction.layer_thickness is missing, though there is a table [coating]: the default "
+            f"of {attraction.layer_thickness:g} is for a bare surface; give that of one layer in m"
         )
 
 

@@ -6,6 +6,7 @@ from pydantic import BeforeValidator, Field, SkipValidation, field_validator, mo
 
 from mrjax.core.box import Box
 from mrjax.core.errors import InputError, shown, shown_key
+from mrjax.laws.attraction import BARE_LAYER
 from mrjax.recipe import closures, sizes
 from mrjax.recipe.materials import MATERIALS
 from mrjax.recipe.sheets import UNSTATED, Sheet, above_zero
@@ -241,7 +242,7 @@ class Attraction(Sheet):
         description="the Hamaker constant in J, at least 0: 100 zJ are 1e-19",
     )
     layer_thickness: float = Field(
-        default=2e-10,
+        default=BARE_LAYER,
         gt=0,
         le=1e-3,
         description="the thickness of the layer on one surface in m, above zero",

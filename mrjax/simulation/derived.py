@@ -70,7 +70,7 @@ def notes(
     omissions = [f"times and steps of contacts are left out: {lacking}"] if lacking else []
     moving = carrier.notes(recipe.parameters(), recipe.coated_volume_fraction, tube_diameter)
     sheet = recipe.attraction
-    stated = () if sheet is None else (sheet.hamaker, sheet.layer_thickness)
+    stated = () if sheet is None else (sheet.hamaker, sheet.stated.get("layer_thickness"))
     sticking = attraction_notes.notes(recipe.parameters(), *stated)
     assumed = [*recipe.notes, *recipe.contact_notes, *omissions]
     return [*assumed, *sticking, *_layers(recipe, tube_height), branch_note(recipe), *moving]

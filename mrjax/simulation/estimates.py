@@ -199,12 +199,14 @@ def _falling(numbers: Parameters, particles: int) -> tuple[Array, ...]:
 def _overlaps(
     numbers: Parameters, box: Box, particles: int, falling: float, pull: float
 ) -> tuple[Array, ...]:
-    """Overlaps in the bed, of one particle on another and in an impact, m; volume fraction."""
+    """Overlaps in the bed, of one particle on another and in an impact, m; volume fraction.
+
+    The greatest force `pull` of the other laws, N, is taken to press surfaces onto each other.
+    """
     radius = per_particle(particle.outer_radius(numbers), particles)
     weight = jnp.max(jnp.abs(particle.net_weight(numbers)))
-    attraction = time_scales.expected_overlap(numbers, pull, 0.0) if pull else 0.0
     return (
-        jnp.maximum(softening.resting_overlap(numbers, box, particles), attraction),
+        softening.resting_overlap(numbers, box, particles, pull),
         time_scales.expected_overlap(numbers, weight + pull, 0.0),
         time_scales.expected_overlap(numbers, 0.0, falling),
         4 / 3 * jnp.pi * jnp.sum(radius**3) / box.volume,

@@ -3,8 +3,8 @@
 A 4 um iron particle at rest overlaps its neighbour by 1e-7 of its radius, and at that stiffness the
 settling of a 50 um box would take 1e12 steps. Without inertia the stiffness does not matter, as
 long as overlaps stay small. `softened` divides the moduli of particles and walls by one factor,
-chosen from the greatest overlap that is allowed. The load is that of the bed, or the pull-off force
-if it is larger. Attraction keeps its pull-off force and gets a range that the longer steps resolve.
+chosen from the greatest overlap that is allowed. The load is that of the bed and the pull-off
+force. Attraction keeps its pull-off force and gets a range that the longer steps resolve.
 The dissipation of contacts is then negligible
 beside the drag, and is left out of the program.
 """
@@ -13,6 +13,7 @@ from functools import partial
 
 import jax.numpy as jnp
 from jax import Array
+from jax.typing import ArrayLike
 
 from mrjax.core import checks
 from mrjax.core.box import Box
@@ -48,8 +49,8 @@ def softened(parameters: Parameters, box: Box, particles: int, overlap: float) -
       overlap: greatest overlap of a contact at rest, as a fraction of the largest contact radius.
 
     Raises:
-      InputError: the overlap is not between 0 and 0.1, the particles have no net weight and make no
-        bed, or the parameters are traced.
+      InputError: the overlap is not between 0 and 0.1, nothing presses the particles onto each
+        other, neither a net weight nor attraction, or the parameters are traced.
 
     Example:
       >>> recipe = mrjax.Recipe.load("case2")
@@ -94,7 +95,9 @@ def softened(parameters: Parameters, box: Box, particles: int, overlap: float) -
 def _factor(numbers: Parameters, box: Box, particles: int, overlap: float) -> Array:
     """Factor on the moduli, at most 1, ()."""
     largest = jnp.max(particle.outer_radius(numbers))
-    expected = resting_overlap(numbers, box, particles)
+    attracts = numbers.hamaker is not None
+    pull = jnp.maximum(*attraction.largest_pull_off(numbers)) if attracts else 0.0
+    expected = resting_overlap(numbers, box, particles, pull)
     # Hertz: the overlap under a load is proportional to E^(-2/3).
     return jnp.minimum(1.0, (expected / (overlap * largest)) ** 1.5)
 
@@ -105,10 +108,16 @@ def _idle(numbers: Parameters, overlap: float) -> Array:
     return jnp.all(dashpots < IDLE * drag.coefficient(numbers))
 
 
-def resting_overlap(numbers: Parameters, box: Box, particles: int) -> Array:
+def resting_overlap(numbers: Parameters, box: Box, particles: int, pull: ArrayLike = 0.0) -> Array:
     """Deepest overlap expected in a bed of N particles at rest, m, ().
 
     Particles that sink press on the floor, particles that rise on the lid.
+
+    Args:
+      numbers: parameters without tracers.
+      box: the container.
+      particles: N.
+      pull: attraction of two surfaces in contact, N.
     """
     radius = per_particle(particle.outer_radius(numbers), particles)
     weight = per_particle(particle.net_weight(numbers), particles)
@@ -116,7 +125,5 @@ def resting_overlap(numbers: Parameters, box: Box, particles: int) -> Array:
     # Weight of all particles above an area as wide as the largest particle.
     above = pressing * (2.0 * jnp.max(radius)) ** 2 / (box.size[0] * box.size[1])
     load = FORCE_CHAINS * jnp.maximum(above, jnp.max(jnp.abs(weight)))
-    if numbers.hamaker is not None:
-        for pull_off in attraction.pull_off_of_like_particles(numbers):
-            load = jnp.maximum(load, jnp.max(pull_off))
-    return time_scales.expected_overlap(numbers, load, 0.0)
+    # Hertz's force bears the load and the attraction.
+    return time_scales.expected_overlap(numbers, load + pull, 0.0)

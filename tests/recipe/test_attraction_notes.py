@@ -50,4 +50,7 @@ def test_the_effect_of_a_stated_attraction_is_said(layer, bond, effect):
 def test_a_stated_attraction_is_in_the_notes_of_a_sheet():
     sheet = mrjax.Recipe.load("case2").replace(attraction={"hamaker": 1e-19})
     bond = mrjax.bond_number(sheet.parameters())
-    assert any(f"net weight) is {bond:.2g}, with" in note for note in derived.notes(sheet))
+    (note,) = (note for note in derived.notes(sheet) if f"net weight) is {bond:.2g}, with" in note)
+    assert "layers of 0.2 nm, assumed for bare surfaces:" in note
+    stated = sheet.replace(attraction={"layer_thickness": 2e-10})
+    assert not any("assumed for bare" in note for note in derived.notes(stated))

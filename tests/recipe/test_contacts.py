@@ -180,6 +180,13 @@ def test_attraction_that_cannot_be_is_refused(tables, words):
         mrjax.Recipe.load("case2").replace(**tables)
 
 
+def test_no_bare_surface_is_assumed_on_a_coating(case3):
+    with pytest.raises(mrjax.InputError, match=r"attraction\.layer_thickness is missing, though"):
+        case3.replace(attraction={"hamaker": 1e-19})
+    coated = case3.replace(attraction={"hamaker": 1e-19, "layer_thickness": 2e-7})
+    assert float(coated.parameters().layer_thickness) == 2e-7
+
+
 def test_walls_that_attract_without_being_stated_are_noted():
     sheet = mrjax.Recipe.load("case2").replace(attraction={"hamaker": 1e-19})
     assert any("wall.hamaker = 0" in note for note in sheet.contact_notes)

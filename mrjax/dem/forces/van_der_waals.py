@@ -11,8 +11,8 @@ from mrjax.core.errors import InputError, shown
 from mrjax.core.parameters import Parameters
 from mrjax.dem.contact_history import Remembered
 from mrjax.dem.forces.force import Memory, PairForce, Wrench
-from mrjax.dem.kinematics import PairKinematics
-from mrjax.laws import attraction, effective, normal, particle
+from mrjax.dem.kinematics import PairKinematics, share_in_contact
+from mrjax.laws import attraction, effective, particle
 from mrjax.laws.effective import SurfacePairs
 from mrjax.laws.vectors import times
 
@@ -89,26 +89,39 @@ class VanDerWaals(PairForce):
     def __call__(
         self, pair: PairKinematics, coefficients: Any, memory: Memory, time_step: ArrayLike
     ) -> tuple[Wrench, Memory]:
-        """Attraction along the normal, and the new history."""
+        """Attraction along the normal, and the new history.
+
+        A force that begins at first touch acts for the share of the step since then. Otherwise it
+        would not depend on the moment of touch, and derivatives would lack a contribution.
+        """
+        first = share_in_contact(pair, time_step)
         if self.law == "jkr":
             contact = coefficients["pull_off"], coefficients["modulus"], coefficients["radius"]
             neck = attraction.tear_off_gap(*contact)
-            held = (pair.overlap > 0.0) | ((memory["touched"] > 0.0) & (pair.gap < neck))
+            old = memory["touched"] > 0.0
+            bound = (pair.overlap > 0.0) | (old & (pair.gap < neck))
             size = attraction.attraction_in_contact("jkr", pair.overlap, *contact)
-            wrench = Wrench(times(-jnp.where(held, size, 0.0), pair.normal))
-            return wrench, {"touched": jnp.where(held, 1.0, 0.0)}
+            share = jnp.where(old, 1.0, first)
+            wrench = Wrench(times(-jnp.where(bound, share * size, 0.0), pair.normal))
+            return wrench, {"touched": jnp.where(bound, 1.0, 0.0)}
         force = attraction.attraction(pair.gap, coefficients["pull_off"], coefficients["range"])
-        return Wrench(times(-force, pair.normal)), memory
+        share = jnp.where(coefficients["range"] > 0.0, 1.0, first)
+        return Wrench(times(-share * force, pair.normal)), memory
 
 
 def _longest_neck(parameters: Parameters) -> Array:
-    """Largest gap of tear-off, m: of two like particles, or of a particle and a wall."""
-    between, at_wall = attraction.pull_off_of_like_particles(parameters)
-    radius = particle.outer_radius(parameters)
-    surface = parameters.elastic_modulus, parameters.poisson_ratio
-    wall = parameters.wall_elastic_modulus, parameters.wall_poisson_ratio
+    """Upper bound on the gap of tear-off of two particles, or of a particle and a wall; m.
+
+    Unlike surfaces may touch, so that each factor is the largest of its own.
+    """
+    compliance = jnp.max((1.0 - parameters.poisson_ratio**2) / parameters.elastic_modulus)
+    wall = (1.0 - parameters.wall_poisson_ratio**2) / parameters.wall_elastic_modulus
+    radius = jnp.max(particle.outer_radius(parameters))
+    forces = attraction.largest_pull_off(parameters, "jkr")
     necks = (
-        attraction.tear_off_gap(0.75 * force, normal.effective_modulus(*surface, *other), r)
-        for force, other, r in ((between, surface, radius / 2.0), (at_wall, wall, radius))
+        attraction.tear_off_gap(force, 1.0 / (compliance + other), r)
+        for force, other, r in zip(
+            forces, (compliance, jnp.max(wall)), (radius / 2.0, radius), strict=True
+        )
     )
-    return 1.001 * jnp.max(jnp.maximum(*necks))
+    return 1.001 * jnp.maximum(*necks)

@@ -8,8 +8,11 @@ import numpy as np
 import pytest
 
 import mrjax
+from mrjax.dem.force_bounds import force_bounds, plan_reach
 from mrjax.dem.forces import ActiveLaws, Contact, VanDerWaals, active_forces
 from mrjax.dem.kinematics import ParticleState, pair_kinematics
+from mrjax.dem.plan import System
+from mrjax.figures.contacts import force_chains
 from mrjax.laws import attraction as attraction_law
 from mrjax.laws import effective, normal
 from mrjax.laws.attraction import CUT_OFF, attraction
@@ -315,8 +318,41 @@ def test_the_gradient_by_the_range_is_a_central_difference():
 
 
 def test_the_range_fixes_the_neighbour_list():
-    with pytest.raises(mrjax.InputError, match="the reach of VanDerWaals is traced"):
+    words = r"the reach of VanDerWaals is traced.*: keep attraction_range out of jit"
+    with pytest.raises(mrjax.InputError, match=words):
         jax.jit(lambda range_: _end(HAMAKER, LAYER, LAYER, range_))(0.05)
+
+
+@pytest.mark.parametrize("law", ["dmt", "jkr"])
+def test_a_derivative_passes_a_first_touch_at_which_the_force_jumps(law):
+    """A heavy sphere sinks onto a wall; the moment of touch depends on its weight."""
+    vdw, soft, step, drag = VanDerWaals(law=law), sticky(attraction_range=0.0), 8e-5, 0.02
+    coated = mrjax.particle.coated_particle(soft)
+    wall = effective.SurfacePairs.by_kind(True, coated)
+    own = jax.tree.map(lambda values: jnp.ravel(values)[0], vdw.coefficients(soft, wall))
+    zero = jnp.zeros(())
+    still = ParticleState((zero,) * 3, (zero,) * 3, (zero,) * 3, jnp.asarray(RADIUS), (zero,) * 3)
+
+    @jax.jit
+    def gap_after(weight):
+        def advance(moment, _):
+            gap, velocity, memory = moment
+            moving = still._replace(velocity=(velocity, zero, zero))
+            pair = pair_kinematics(moving, still, (RADIUS + gap, zero, zero), jnp.asarray(0))
+            wrench, memory = vdw(pair, own, memory, step)
+            spring = 50.0 * jnp.maximum(-gap, 0.0)
+            mass = 1e-5
+            velocity += step / mass * (spring - weight - drag * velocity + wrench.force[0])
+            return (gap + step * velocity, velocity, memory), None
+
+        begin = jnp.asarray(2e-5), -weight / drag, vdw.blank_memory(zero)
+        (gap, _, _), _ = jax.lax.scan(advance, begin, length=80)
+        return gap
+
+    weight = 1e-4 * jnp.linspace(0.95, 1.05, 41)
+    gaps, slopes = jax.vmap(lambda w: jax.jvp(gap_after, (w,), (1.0,)))(weight)
+    print(gaps, slopes, np.polyfit(weight, gaps, 1))
+    assert slopes[20] == near(np.polyfit(weight, gaps, 1)[0], rel=0.02)
 
 
 def test_second_derivatives_are_finite_at_contact_at_the_cut_off_and_without_attraction():
@@ -336,6 +372,25 @@ def test_second_derivatives_are_finite_at_contact_at_the_cut_off_and_without_att
         assert np.abs(first[3:]).max() < 1e-25 and np.abs(second[3:]).max() < 1e-9
 
 
+def test_derivatives_of_soft_contacts_are_finite_in_single_precision():
+    """At the end of the neck, beyond it and in contact; without attraction it is the limit."""
+    values = [np.float32(value) for value in (1e-7, 1e9, 1e-6)]
+    neck = attraction_law.tear_off_gap(*values)
+
+    @jax.jit
+    @jax.vmap
+    def slopes(overlap):
+        return jax.grad(attraction_law.jkr_force, argnums=(0, 1, 2, 3))(overlap, *values)
+
+    found = slopes(neck * jnp.array([-1e4, -1.0, -1.0 + 1e-7, 0.0, 1.0, 1e4], jnp.float32))
+    assert all(np.isfinite(slope).all() and slope.dtype == np.float32 for slope in found)
+
+    def size(pull_off):
+        return attraction_law.attraction_in_contact("jkr", 1e-2, pull_off, **SOFT)
+
+    assert float(jax.grad(size)(0.0)) == near(float(size(1e-2)) / 1e-2, rel=2e-3)
+
+
 # --- in the list of forces ------------------------------------------------------------------------
 
 
@@ -347,6 +402,29 @@ def test_it_is_in_the_default_list_unless_its_coefficient_is_zero():
         assert contact == Contact(ActiveLaws(sliding=False, rolling=False, damped=False))
     _, alone = active_forces([mrjax.Gravity(), Contact()], sticky())
     assert alone.laws.attraction is None
+
+
+def test_the_step_follows_the_steepest_slope_of_a_short_tail():
+    """2 F_c / eps just beside contact, of a particle and a wall, where eps is 1e-5 radii."""
+    bare = sticky(layer_thickness=5e-9, hamaker=1e-19)
+    system = System.of(TRIO, bare, ROOM)
+    bounds = force_bounds(system, bare, plan_reach(system, bare))
+    pull_off = 1e-19 * RADIUS / (6.0 * 1e-8**2)
+    assert bounds.stiffness == near(2.0 * pull_off / 1e-8, rel=0.05)
+
+
+def test_normal_forces_leave_attraction_out_and_say_so():
+    state = mrjax.place([[MIDDLE, MIDDLE, 3e-3], [MIDDLE, MIDDLE, 4.999e-3]])
+    figure = force_chains(state, sticky(), ROOM)
+    hertz = 4.0 / 3.0 * 1e7 / (2.0 * (1.0 - 0.3**2)) * np.sqrt(RADIUS / 2.0) * 1e-6**1.5
+    assert figure.axes[0].get_title().startswith("1 contacts, mean repulsive force ")
+    assert mrjax.normal_forces(state, sticky(), ROOM).force == near(hertz, rel=1e-3)
+
+
+def test_a_period_shorter_than_the_reach_is_refused_without_a_run():
+    narrow = mrjax.Box((4.1e-3, 1e-2, 1e-2), (True, False, False))
+    with pytest.raises(mrjax.InputError, match="could reach two images"):
+        mrjax.contact_forces(TRIO, sticky(attraction_range=0.05), narrow)
 
 
 def test_a_missing_coefficient_is_refused():
@@ -408,6 +486,57 @@ def test_a_soft_contact_holds_until_its_neck_tears():
     )
     np.testing.assert_allclose(found, [0.0, deep, neck, 0.0, 0.0], rtol=1e-9)
     assert reach == near(1.001 * TEAR_OFF, rel=1e-9) and neck > 0.0
+
+
+def test_the_reach_covers_unlike_pairs_and_single_precision():
+    """The neck of a soft particle and a hard one with a thin layer is longer than of like ones."""
+    unlike = sticky(
+        radius=2e-6 * np.ones(2),
+        hamaker=1e-19,
+        elastic_modulus=np.array([1e11, 1e6]),
+        layer_thickness=np.array([2e-10, 4e-9]),
+    )
+    coated = mrjax.particle.coated_particle(unlike)
+    law = VanDerWaals(law="jkr")
+    pair = effective.SurfacePairs(jnp.array([0]), jnp.array([1]), None, None, coated)
+    own = law.coefficients(unlike, pair)
+    neck = attraction_law.tear_off_gap(own["pull_off"], own["modulus"], own["radius"])
+    assert float(law.reach(unlike)) > float(neck[0]) > 4e-9
+    hard = sticky(radius=1e-6, hamaker=1e-20, layer_thickness=2e-9, elastic_modulus=2e11)
+    single = law.reach(hard.astype(np.float32))
+    assert single.dtype == np.float32
+    assert float(single) == near(float(law.reach(hard)), rel=1e-5)
+
+
+@pytest.mark.slow
+def test_a_soft_pair_tears_at_its_exact_gap_across_a_periodic_side():
+    """Pulled apart slowly in thick oil: the force on both is that of JKR until the neck tears."""
+    room = mrjax.Box((1e-2,) * 3, (True, True, True))
+    soft = sticky(
+        elastic_modulus=1e5, viscosity=100.0, particle_density=np.array([2900.0, 900.0]),
+        fluid_density=1900.0, gravity=9.81,
+    )  # fmt: skip
+    state = mrjax.place(
+        [[2e-4, MIDDLE, MIDDLE], [1e-2 + 2e-4 - 2.0 * RADIUS + 1e-6, MIDDLE, MIDDLE]],
+        contact_diameter=2.0 * RADIUS,
+    )
+    forces = [mrjax.Gravity(jnp.array([30.0, 0.0, 0.0])), Contact(), VanDerWaals(law="jkr")]
+    run = mrjax.simulate(
+        state, soft, room, duration=0.2, time_step=1e-3, forces=forces,
+        frames=200, trajectory=True, skin=0.001,
+    )  # fmt: skip
+    x, v = (np.asarray(at)[1:, :, 0] for at in (run.trajectory.position, run.trajectory.velocity))
+    gap, speed = x[:, 0] - x[:, 1] + 1e-2 - 2.0 * RADIUS, v[:, 0]
+    drag, alone = 6.0 * np.pi * 100.0 * RADIUS, speed[-1]
+    bound = speed < 0.9 * alone
+    assert gap[bound].max() < TEAR_OFF < gap[~bound].min() < TEAR_OFF + 2e-3 * alone
+    assert alone == near(4.0 / 3.0 * np.pi * RADIUS**3 * 1000.0 * 30.0 / drag, rel=1e-6)
+    # The velocity between two frames is that by the force at the first.
+    modulus = 1e5 / (2.0 * (1.0 - 0.3**2))
+    force = attraction_law.jkr_force(-gap[bound], 0.75 * PULL_OFF, modulus, RADIUS / 2.0)
+    slow = gap[bound] < 0.8 * TEAR_OFF
+    print(np.abs(drag * (speed[bound] - alone) / np.asarray(force) - 1)[slow].max(), bound.sum())
+    np.testing.assert_allclose(drag * (speed[bound] - alone)[slow], force[slow], rtol=0.02)
 
 
 def test_friction_of_soft_surfaces_feels_their_pull_off_force():
