@@ -215,7 +215,7 @@ class Parameters:
     )
     attraction_range: ArrayLike | None = _quantity(
         "1",
-        "Range of the attraction of softened contacts, in radii; None for h_0, 0 for contact only.",
+        "Range of the attraction, in radii; None for h_0, 0 for contact only.",
         default=None,
         least=0.0,
         pair=True,

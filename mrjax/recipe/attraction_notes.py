@@ -54,8 +54,8 @@ def _typical(parameters: Parameters) -> str:
 
 def _stated(parameters: Parameters, hamaker: float, layer_thickness: float | None) -> str:
     """A note on the attraction of a sheet."""
-    assumed = layer_thickness is None
-    layer = BARE_LAYER if assumed else layer_thickness
+    layer = BARE_LAYER if layer_thickness is None else layer_thickness
+    assumed = ", assumed for bare surfaces" if layer_thickness is None else ""
     bonds = _bonds(parameters, hamaker, layer)
     largest = float(bonds.max())
     if largest < WEAK:
@@ -71,8 +71,7 @@ def _stated(parameters: Parameters, hamaker: float, layer_thickness: float | Non
         )
     return (
         f"the granular Bond number (pull-off force over net weight) is {_range(bonds)}, with a "
-        f"Hamaker constant of {hamaker:.3g} J and layers of {1e9 * layer:.3g} nm"
-        f"{', assumed for bare surfaces' if assumed else ''}: {effect}"
+        f"Hamaker constant of {hamaker:.3g} J and layers of {1e9 * layer:.3g} nm{assumed}: {effect}"
     )
 
 

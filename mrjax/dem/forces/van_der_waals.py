@@ -28,6 +28,11 @@ class VanDerWaals(PairForce):
 
     `VanDerWaals(law="jkr")` is for soft surfaces. The contact history knows whether a pair has
     touched, since its neck holds until it tears. There is no friction at a neck without overlap.
+
+    The reach fixes the neighbour list, so that `jit` and `vmap` may not trace what it depends on:
+    radii, and for DMT `attraction_range`, or the layers without one; for JKR the Hamaker constant,
+    the layers and the elastic constants. Derivatives do not hold where a pair parts at which the
+    force jumps: with JKR, or with a range of 0.
     """
 
     law: str = field(default="dmt", metadata={"static": True})
@@ -60,7 +65,7 @@ class VanDerWaals(PairForce):
         return attraction.CUT_OFF * (thickest + partner)
 
     def coefficients(self, parameters: Parameters, surfaces: SurfacePairs) -> dict[str, Array]:
-        """Pull-off force F_c and range eps of pairs.
+        """Pull-off force F_c of pairs with their range eps (DMT), or with E* and R* (JKR).
 
         Args:
           parameters: parameters of the run.
