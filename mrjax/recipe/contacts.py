@@ -67,8 +67,8 @@ def notes(recipe: Suspension) -> list[str]:
     attraction, wall = recipe.attraction, recipe.wall
     if attraction and attraction.hamaker and (wall is None or wall.hamaker is None):
         lines.append(
-            "the walls attract particles as strongly as particles attract each other, and some stay at the sides and the lid; "
-            "wall.hamaker = 0 lets them fall"
+            "the walls attract particles as strongly as particles attract each other, and some "
+            "stay at the sides and the lid; wall.hamaker = 0 lets them fall"
         )
     if "box" not in recipe.stated:
         size = " x ".join(f"{1e6 * length:.4g}" for length in recipe.box.size)
