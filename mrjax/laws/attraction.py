@@ -39,10 +39,23 @@ SHARES = {"dmt": 1.0, "jkr": 0.75}
 """Pull-off force of each law over 2 pi w R*."""
 
 
-def hamaker_constant(parameters: Parameters) -> Array:
-    """Hamaker constants A, J; one number or a table by material."""
+def refuse_without_hamaker_constant(parameters: Parameters) -> None:
+    """Refuses parameters without a Hamaker constant.
+
+    Raises:
+      InputError: there is none.
+    """
     if parameters.hamaker is None:
         raise InputError("hamaker is missing, which attraction needs: give J, such as 1e-19")
+
+
+def hamaker_constant(parameters: Parameters) -> Array:
+    """Hamaker constants A, J; one number or a table by material.
+
+    Raises:
+      InputError: there is none.
+    """
+    refuse_without_hamaker_constant(parameters)
     return jnp.asarray(parameters.hamaker)
 
 
@@ -192,8 +205,8 @@ def bond_number(parameters: Parameters) -> Array:
       >>> coated = mrjax.Recipe.load("case2").parameters().replace(
       ...     hamaker=1e-19, layer_thickness=2e-9
       ... )
-      >>> print(f"{mrjax.bond_number(coated):.3g}")
-      487
+      >>> print(f"{mrjax.bond_number(coated):.2g}")
+      4.9e+02
     """
     hamaker = hamaker_constant(parameters)
     largest = jnp.max(hamaker[:-1, :-1]) if hamaker.ndim else hamaker

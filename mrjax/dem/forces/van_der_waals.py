@@ -48,7 +48,7 @@ class VanDerWaals(PairForce):
         """
         if self.law not in LAWS:
             raise InputError(f"law = {shown(self.law)}: give {' or '.join(map(repr, LAWS))}")
-        attraction.hamaker_constant(parameters)
+        attraction.refuse_without_hamaker_constant(parameters)
         attraction.layer_thickness(parameters)
         return self
 
