@@ -38,7 +38,7 @@ class Effect(NamedTuple):
     apply: Callable[[Experiment], Experiment]
     """Function that gives an experiment the effect, with the wide priors of this file."""
     remark: str
-    """What the effect is, in a sentence."""
+    """Sentence that says what the effect is."""
     hardly: float | None = None
     """Value of its one quantity at which the effect hardly acts; None if there is none."""
 
@@ -46,6 +46,8 @@ class Effect(NamedTuple):
 def plain(experiment: Experiment) -> Experiment:
     """The experiment without any effect: equal hard spheres that settle onto a rigid bed."""
     names = {name for effect in EFFECTS for name in effect.quantities}
+    if _yields(experiment):
+        experiment = _without_bed(experiment)  # what its file states is the densest that it can be
     samples = tuple(_plain_sample(sample, names) for sample in experiment.samples)
     bare = replace(
         experiment,
@@ -132,14 +134,26 @@ def _of_one_size(recipe: Recipe) -> Recipe:
     return recipe.replace(particle={"diameter": float(diameter.settling_diameter)})
 
 
+def _yields(experiment: Experiment) -> bool:
+    """True if the bed of a sample yields in the file of the experiment."""
+    return any(
+        name in sample.tube or _varies(experiment, sample, name)
+        for sample in experiment.samples
+        for name in COMPRESSION
+    )
+
+
 def _restored(changed: Experiment, stated: Experiment, effect: Effect) -> Experiment | None:
     """The effect as the file of the experiment has it; None if it does not have it."""
     names = effect.quantities
-    recipe_of = {sample.name: sample for sample in stated.samples}
+    sample_of = {sample.name: sample for sample in stated.samples}
     samples = []
     has_it = False
+    if effect is YIELDING_BED and _yields(stated):
+        names = (*names, BED)
+        changed = _without_bed(changed)
     for sample in changed.samples:
-        original = recipe_of[sample.name]
+        original = sample_of[sample.name]
         recipe = sample.recipe
         if effect is FLOCS and _has_flocs(original.recipe):
             recipe = recipe.replace(drag={"f_w": original.recipe.drag.f_w})
@@ -148,19 +162,20 @@ def _restored(changed: Experiment, stated: Experiment, effect: Effect) -> Experi
             recipe = recipe.replace(particle={"diameter": original.recipe.particle.diameter})
             has_it = True
         own = {name: value for name, value in original.tube.items() if name in names}
-        samples.append(replace(sample, recipe=recipe, tube={**sample.tube, **own}))
+        bed = original.bed_fraction if BED in names else sample.bed_fraction
+        tube = {**sample.tube, **own}
+        samples.append(replace(sample, recipe=recipe, tube=tube, bed_fraction=bed))
         has_it = has_it or bool(own)
     parameters = tuple(one for one in stated.parameters if one.name in names)
     held = tuple(one for one in stated.held if one[1] in names)
     if not (has_it or parameters or held):
         return None
-    restored = replace(
+    return replace(
         changed,
         samples=tuple(samples),
         parameters=(*changed.parameters, *parameters),
         held=(*changed.held, *held),
     )
-    return _without_bed(restored) if effect is YIELDING_BED else restored
 
 
 def _varies(experiment: Experiment, sample: Sample, name: str) -> bool:
@@ -246,14 +261,10 @@ def _with_yielding_bed(experiment: Experiment) -> Experiment:
 
 
 def _without_bed(experiment: Experiment) -> Experiment:
-    """The experiment without a fitted, held or simulated rigid bed."""
-    samples = tuple(
-        replace(sample, bed_fraction=None) if sample.bed_fraction == "particles" else sample
-        for sample in experiment.samples
-    )
+    """The experiment without stated, fitted, held or simulated volume fractions of beds."""
     return replace(
         experiment,
-        samples=samples,
+        samples=tuple(replace(sample, bed_fraction=None) for sample in experiment.samples),
         parameters=tuple(one for one in experiment.parameters if one.name != BED),
         held=tuple(one for one in experiment.held if one[1] != BED),
     )

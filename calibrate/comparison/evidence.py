@@ -30,7 +30,7 @@ class Evidence(NamedTuple):
     """The evidence for one fitted model."""
 
     chi_squared: float
-    """Of the readings, in their stated or estimated errors."""
+    """Chi-squared of the readings, in their stated or estimated errors."""
     deviance: float
     """Twice the negative logarithm of likelihood and priors, up to a constant of the data; 1."""
     parameters: int

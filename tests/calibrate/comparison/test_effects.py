@@ -96,6 +96,33 @@ def test_effects_of_the_file_are_taken_from_there():
     assert recipe.particle.diameter == sized.samples[0].recipe.particle.diameter
 
 
+def test_the_densest_bed_of_a_file_whose_bed_yields_is_no_rigid_bed():
+    """The plain model fits a rigid bed of its own; the yielding one is that of the file."""
+    stated = experiment(
+        tube={
+            "compression.gel_fraction": 0.15,
+            "compression.stress": 9.0,
+            "compression.exponent": 3.0,
+        },
+        bed_fraction=0.6,
+    )
+    bare = plain(stated)
+    assert bare.samples[0].bed_fraction is None and names(bare) == ["f_s", "bed_fraction"]
+    restored = with_effects(stated, [YIELDING_BED])
+    assert restored.samples == stated.samples and restored.parameters == stated.parameters
+
+    own = FreeParameter("bed_fraction", "bed_fraction", ("A",), 0.6, 0.1)
+    fitted = experiment(parameters=(own,), tube=stated.samples[0].tube)
+    assert own not in plain(fitted).parameters
+    assert with_effects(fitted, [YIELDING_BED]).parameters == fitted.parameters
+
+
+def test_a_stated_rigid_bed_does_not_bound_a_yielding_one():
+    changed = with_effects(experiment(bed_fraction=0.32), [YIELDING_BED])
+    assert changed.samples[0].bed_fraction is None
+    assert plain(experiment(bed_fraction=0.32)).samples[0].bed_fraction == 0.32
+
+
 def test_flocs_begin_where_the_closure_holds_in_the_bed():
     bed = FreeParameter("bed_fraction", "bed_fraction", ("A",), 0.6, 0.1)
     changed = with_effects(experiment(parameters=(bed,)), [FLOCS])
