@@ -10,7 +10,7 @@ from jax.tree_util import Partial
 from jax.typing import ArrayLike
 
 from mrjax import InputError, Parameters, Recipe
-from mrjax.continuum.compression import Compression
+from mrjax.continuum.compression import Compression, densest_bed, full_of_flocs
 from mrjax.laws.closures import table
 from mrjax.laws.hindrance import Hindrance
 from mrjax.recipe.sheets import did_you_mean
@@ -28,9 +28,6 @@ LARGEST_TILT = 60.0
 """Tilt of a tube, degrees, up to which its rate of settling is known."""
 TUBE = (*COMPRESSION, "delay", TILT)
 """Quantities of a tube beside the volume fraction of its bed."""
-DENSEST = 0.74
-"""Volume fraction that a yielding bed does not exceed, unless stated: the closest packing of equal
-spheres."""
 FACTORS = ("f_w", "f_s", "f_v", "f_r")
 """The leaves that are fitted most often."""
 LEAVES = tuple(leaf.name for leaf in fields(Parameters))
@@ -105,10 +102,10 @@ def suspension(
         )
     bed = changes.get(BED, bed_fraction)
     if bed is None and compression is not None:
-        bed = _densest(closure)
+        bed = densest_bed(closure)
     if BED in changes and FLOC_VOLUME in coefficients:
         # A fit of both stays where the closure holds: flocs fill the bed, and no bed is denser.
-        bed = jnp.minimum(bed, _full_of_flocs(coefficients[FLOC_VOLUME]))
+        bed = jnp.minimum(bed, full_of_flocs(coefficients[FLOC_VOLUME]))
     return Suspension(
         parameters,
         fraction,
@@ -120,19 +117,6 @@ def suspension(
         changes.get(TILT),
         changes.get(SPREAD),
     )
-
-
-def _densest(closure: Hindrance | None) -> Array:
-    """The volume fraction that a yielding bed does not exceed; flocs fill it at 1 / C."""
-    flocs = getattr(closure, "keywords", {}).get(FLOC_VOLUME)
-    if flocs is None:
-        return jnp.asarray(DENSEST, float)
-    return jnp.minimum(DENSEST, _full_of_flocs(flocs))
-
-
-def _full_of_flocs(floc_volume: ArrayLike) -> Array:
-    """Volume fraction of the solids where flocs all but fill the space; ()."""
-    return 0.999 / jnp.asarray(floc_volume, float)
 
 
 def refuse_unknown(name: str, recipe: Recipe, parameters: Parameters) -> None:

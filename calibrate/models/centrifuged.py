@@ -30,8 +30,8 @@ def centrifuged(sample: Sample, near: Suspension, rotor: Rotor) -> ForwardModel:
 
     Raises:
       InputError: the bed yields, a spread of sizes is fitted, the volume fraction of the bed is not
-        known, particles do not settle at every
-        volume fraction up to that of the bed, or some fall faster in a denser suspension.
+        known, particles do not settle at every volume fraction up to that of the bed, or some fall
+        faster in a denser suspension.
     """
     refuse_yielding(sample, near, "column in a rotor")
     refuse_spread(sample, near, "column in a rotor")

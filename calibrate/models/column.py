@@ -81,9 +81,9 @@ def column(
             effective = upright_times(suspension, flux, times)
             ratio = possible * characteristics.mudline(flux, height, effective) / height
         if sample.points:
-            at = layers(sample)
-            effective = upright_times(suspension, flux, at.times)
-            coated = characteristics.mean_fraction(flux, height, at.levels, effective, at.thickness)
+            measured = layers(sample)
+            measured = measured._replace(times=upright_times(suspension, flux, measured.times))
+            coated = characteristics.mean_fraction(flux, height, *measured)
             local = possible * coated / suspension.parameters.f_r**3
         velocities = terminal_velocities(sample, suspension)
         return prediction(sample, suspension, velocity, final, ratio, velocities, local)

@@ -51,8 +51,8 @@ def polydisperse(
     """The tube of a recipe of several sizes, by finite volumes (`mrjax.polydisperse_column`).
 
     A continuous distribution, that of the recipe or one of a fitted spread, is divided into ten
-    classes of equal volume. The mudline is that of
-    the sample's `mudline_threshold`. The initial velocity is its fall over a tenth of the height.
+    classes of equal volume. The mudline is that of the sample's `mudline_threshold`. The initial
+    velocity is its fall over a tenth of the height.
 
     Raises:
       InputError: the volume fraction of the bed is not known, or particles do not settle at every

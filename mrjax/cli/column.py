@@ -15,10 +15,8 @@ if TYPE_CHECKING:
 
 TIMES = 101
 """Times of the fields."""
-CLASSES = 10
-"""Classes of a continuous distribution of sizes."""
-RIGID_BED, DENSEST_BED = 0.6, 0.74
-"""Volume fractions of a rigid bed, and that which a yielding bed does not exceed."""
+RIGID_BED = 0.6
+"""Volume fraction of a rigid bed, unless it is stated or flocs fill it before."""
 FILES = ("column.json", "curve.csv", "fields.csv", "fields.npz", "fields.png")
 
 
@@ -84,11 +82,13 @@ def column(
     import mrjax
     from mrjax import figures
     from mrjax.cli import provenance
+    from mrjax.continuum.compression import densest_bed
     from mrjax.io import files, results
 
     sheet = mrjax.Recipe.load(recipe)
     if bed_fraction is None:
-        bed_fraction = RIGID_BED if compression is None else DENSEST_BED
+        densest = float(densest_bed(sheet.closure))
+        bed_fraction = min(RIGID_BED, densest) if compression is None else densest
     folder = files.result_folder(Path(out))
     with results.guarded(folder, FILES):
         tube = _settle(sheet, height, hours, bed_fraction, compression)
@@ -148,7 +148,7 @@ def _settle(
                 f"--compression: the recipe {sheet.name} has several sizes, whose bed is rigid; "
                 "leave it out, or give one diameter"
             )
-        powder = sheet.size_classes(CLASSES)
+        powder = sheet.size_classes()
         return mrjax.polydisperse_column(
             powder.parameters, volume_fraction=powder.volume_fraction, **common
         )

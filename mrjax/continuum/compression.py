@@ -18,6 +18,33 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
+from mrjax.laws.hindrance import Hindrance
+
+DENSEST = 0.74
+"""Volume fraction that a yielding bed does not exceed, unless stated: the closest packing of equal
+spheres."""
+
+
+def densest_bed(closure: Hindrance | None) -> Array:
+    """Returns the volume fraction that a yielding bed does not exceed, unless stated; 1, ().
+
+    Args:
+      closure: closure of f_w; flocs fill their bed at 1 / C.
+    """
+    flocs = getattr(closure, "keywords", {}).get("floc_volume")
+    if flocs is None:
+        return jnp.asarray(DENSEST, float)
+    return jnp.minimum(DENSEST, full_of_flocs(flocs))
+
+
+def full_of_flocs(floc_volume: ArrayLike) -> Array:
+    """Returns the volume fraction of the solids where flocs all but fill the space; 1, ().
+
+    Args:
+      floc_volume: C, volume of flocs over volume of solids; 1, ().
+    """
+    return 0.999 / jnp.asarray(floc_volume, float)
+
 
 @jax.tree_util.register_dataclass
 @dataclass(frozen=True, kw_only=True)

@@ -13,8 +13,9 @@ import mrjax
 from mrjax.continuum import characteristics, consolidation, kynch
 from mrjax.continuum.case import Case
 from mrjax.continuum.column import column, column_steps
-from mrjax.continuum.compression import Compression
+from mrjax.continuum.compression import Compression, densest_bed
 from mrjax.continuum.time_grid import time_grid
+from mrjax.laws.closures.floc_richardson_zaki import floc_richardson_zaki
 from tests.continuum.test_column import EXACT, HEIGHT, SPEED, near, solid, spheres, zaki
 
 WEIGHT = 6000.0 * 9.81  # of the solid in the fluid, N/m^3
@@ -259,6 +260,13 @@ def test_many_at_once_in_single_precision_and_creaming():
     light = spheres().replace(particle_density=1000.0, fluid_density=7000.0)
     creaming = column(light.replace(added_mass=0.0), **given)
     assert (np.diff(creaming.mudline) >= 0.0).all() and float(creaming.mudline[0]) > 0.0
+
+
+def test_the_densest_bed_is_that_of_spheres_or_full_of_flocs():
+    flocs = partial(floc_richardson_zaki, floc_volume=9.0)
+    assert float(densest_bed(None)) == float(densest_bed(zaki())) == 0.74
+    assert float(densest_bed(flocs)) == near(0.999 / 9.0)
+    assert float(densest_bed(partial(floc_richardson_zaki, floc_volume=1.0))) == 0.74
 
 
 def test_a_suspension_that_falls_faster_if_denser_is_refused():
