@@ -64,6 +64,8 @@ class Verdict:
     best_without: Candidate | None = None
     reason: str = ""
     """Reason why it was not tried, or could not be decided."""
+    unfitted: str = ""
+    """Name of a model whose fit did not converge, which alone leaves it undecided."""
 
 
 @dataclass(frozen=True)
@@ -263,9 +265,13 @@ def _verdict(effect: Effect, candidates: list[Candidate], reason: str | None) ->
     left_out_error = float(np.std(differences, ddof=1) * differences.size**0.5)
     word, why = _word(usable[0], best_with, best_without, gain, left_out_gain)
     rivals = [one.name for one in candidates if not one.usable and effect not in one.effects]
+    unfitted = ""
     if word == ASKED_FOR and rivals:
-        word, why = UNDECIDED, f"the fit of {rivals[0]} did not converge, and may explain as much"
-    return Verdict(effect, word, gain, left_out_gain, left_out_error, best_with, best_without, why)
+        word, unfitted = UNDECIDED, rivals[0]
+        why = f"the fit of {unfitted} did not converge, and may explain as much"
+    return Verdict(
+        effect, word, gain, left_out_gain, left_out_error, best_with, best_without, why, unfitted
+    )
 
 
 def _word(

@@ -56,7 +56,7 @@ def in_words(result: dict[str, Any]) -> list[str]:
     lines = [_verdict(name, row) for name, row in result["effects"].items()]
     for name, row in result["effects"].items():
         lines += [_deciding(name, reading) for reading in row["deciding_readings"]]
-        if row["verdict"] == UNDECIDED and not row["deciding_readings"]:
+        if row["verdict"] == UNDECIDED and not (row["unfitted"] or row["deciding_readings"]):
             lines.append(
                 f"No longer or taller tube, and no dilution by half, would decide on {name}: the "
                 "two models predict nearly the same there, too."
@@ -110,7 +110,8 @@ from a difference of {4:g} in BIC, if readings that are left out prefer it, too.
 
 
 def _effect(verdict: Verdict) -> dict[str, Any]:
-    undecided = verdict.word == UNDECIDED
+    # No reading decides against a model that was not fitted.
+    undecided = verdict.word == UNDECIDED and not verdict.unfitted
     return {
         "verdict": verdict.word,
         "what": verdict.effect.remark,
@@ -120,6 +121,7 @@ def _effect(verdict: Verdict) -> dict[str, Any]:
         "best_with": None if verdict.best_with is None else verdict.best_with.name,
         "best_without": None if verdict.best_without is None else verdict.best_without.name,
         "reason": verdict.reason,
+        "unfitted": verdict.unfitted,
         "deciding_readings": [
             reading._asdict() for reading in (deciding_readings(verdict) if undecided else [])
         ],

@@ -58,7 +58,7 @@ def test_a_model_that_did_not_converge_leaves_others_undecided():
     lost = candidate([FLOCS], 300.0, 300.0, usable=False)
     found = verdict(DELAY_AT_START, PLAIN, candidate([DELAY_AT_START], 80.0, 70.0), lost)
     assert found.word == UNDECIDED
-    assert "flocs did not converge" in found.reason
+    assert "flocs did not converge" in found.reason and found.unfitted == "flocs"
 
 
 def test_two_effects_that_explain_the_same_are_both_undecided():
