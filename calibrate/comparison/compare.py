@@ -1,11 +1,10 @@
 """Fits nested models of one experiment, and says which effects its data ask for.
 
-The plain model comes first, then each effect alone. Models that improve on all smaller ones are
-extended by further effects. A verdict compares the best model that has an effect with the best one
+A verdict compares the best model that has an effect with the best one
 that lacks it. So two effects that explain the same readings are both undecided.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -13,38 +12,14 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from calibrate.comparison.effects import EFFECTS, Effect, combine, refusal, with_effects
-from calibrate.comparison.evidence import Evidence, evidence, reduced_chi_squared
+from calibrate.comparison.effects import EFFECTS, Effect, refusal, with_effects
+from calibrate.comparison.evidence import evidence
+from calibrate.comparison.nested import CLEAR, Candidate, search
 from calibrate.experiment.experiment import Experiment
-from calibrate.least_squares.fit import Fit
-from calibrate.problem.problem import Problem
 from calibrate.problem.solve import fit_experiment, fit_from_start
-from mrjax import InputError, SimulationError
+from mrjax import InputError
 
-CLEAR = 4.0
-"""Difference of BIC from which one model is preferred. One value more is then worth its place if
-chi-squared falls by 7 with 20 readings, which chance does in one of 100."""
 ASKED_FOR, NOT_NEEDED, UNDECIDED, NOT_TRIED = "asked for", "not needed", "undecided", "not tried"
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """A fitted model with some of the effects."""
-
-    effects: tuple[Effect, ...]
-    problem: Problem
-    fit: Fit
-    evidence: Evidence
-
-    @property
-    def name(self) -> str:
-        """Names of its effects; `plain` without any."""
-        return " + ".join(effect.name for effect in self.effects) or "plain"
-
-    @property
-    def usable(self) -> bool:
-        """True if the fit converged, so that it can be compared."""
-        return self.fit.converged
 
 
 @dataclass(frozen=True)
@@ -150,76 +125,15 @@ def compare(
         return min(candidate, beside, key=lambda one: (not one.usable, one.evidence.deviance))
 
     with bar:
-        models, failures = _search(fit_model, possible)
-    scale = _error_scale(models.values())
+        models, failures, scale = search(fit_model, possible)
     candidates = [
-        replace(one, evidence=evidence(one.problem, one.fit, scale)) for one in models.values()
+        replace(one, evidence=evidence(one.problem, one.fit, scale, one.evidence))
+        for one in models.values()
     ]
     candidates.sort(key=lambda one: (not one.usable, one.evidence.bic))
     reasons |= {effect: dict(failures).get(effect.name) for effect in possible}
     verdicts = tuple(_verdict(effect, candidates, reasons[effect]) for effect in EFFECTS)
     return Comparison(experiment, tuple(candidates), verdicts, scale, tuple(failures))
-
-
-def _search(
-    fit_model: Callable[[frozenset[Effect], Candidate | None], Candidate], possible: list[Effect]
-) -> tuple[dict[frozenset[Effect], Candidate], list[tuple[str, str]]]:
-    """Fits the plain model, and extends whatever improves on all smaller models.
-
-    Args:
-      fit_model: function from effects, and a smaller model to begin near, to a fitted model.
-      possible: effects that can be tried.
-
-    Returns:
-      the fitted models by their effects, and name and reason of each that could not be fitted.
-
-    Raises:
-      SimulationError: the plain model did not converge.
-    """
-    plain = frozenset[Effect]()
-    models = {plain: fit_model(plain, None)}
-    if not models[plain].usable:
-        raise SimulationError(
-            "the plain model did not converge, so that nothing can be compared with it; start "
-            "nearer, or give narrower priors"
-        )
-    failures: list[tuple[str, str]] = []
-    frontier = [plain]
-    while frontier:
-        scale = _error_scale(models.values())
-        before = min(_bic(one, scale) for one in models.values())
-        larger = {}
-        for effects in frontier:
-            for effect in possible:
-                wider = effects | {effect}
-                if wider not in models and wider not in larger and combine(wider):
-                    larger[wider] = effects
-        for effects, parent in larger.items():
-            try:
-                models[effects] = fit_model(effects, models[parent])
-            except (InputError, SimulationError) as error:
-                name = " + ".join(one.name for one in EFFECTS if one in effects)
-                failures.append((name, str(error)))
-        scale = _error_scale(models.values())
-        now = min(_bic(one, scale) for one in models.values())
-        frontier = [
-            effects
-            for effects in larger
-            if effects in models and _bic(models[effects], scale) < min(before, now + CLEAR)
-        ]
-    return models, failures
-
-
-def _bic(candidate: Candidate, scale: float) -> float:
-    if not candidate.usable:
-        return np.inf
-    return evidence(candidate.problem, candidate.fit, scale).bic
-
-
-def _error_scale(candidates: Iterable[Candidate]) -> float:
-    """Factor that brings the stated errors to the residuals of the best model; at least 1."""
-    reduced = (reduced_chi_squared(one.problem, one.fit) for one in candidates if one.usable)
-    return max(1.0, min(reduced, default=1.0) ** 0.5)
 
 
 def _is_no_worse(candidate: Candidate, smaller: Candidate) -> bool:
@@ -264,9 +178,11 @@ def _verdict(effect: Effect, candidates: list[Candidate], reason: str | None) ->
     left_out_gain = float(differences.sum())
     left_out_error = float(np.std(differences, ddof=1) * differences.size**0.5)
     word, why = _word(usable[0], best_with, best_without, gain, left_out_gain)
-    rivals = [one.name for one in candidates if not one.usable and effect not in one.effects]
+    opposed = [one for one in candidates if (effect in one.effects) == (word == NOT_NEEDED)]
+    reach = usable[0].evidence.bic + CLEAR
+    rivals = [one.name for one in opposed if not one.usable and one.least_bic < reach]
     unfitted = ""
-    if word == ASKED_FOR and rivals:
+    if word != UNDECIDED and rivals:
         word, unfitted = UNDECIDED, rivals[0]
         why = f"the fit of {unfitted} did not converge, and may explain as much"
     return Verdict(

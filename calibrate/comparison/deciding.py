@@ -10,7 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from calibrate.comparison.compare import Candidate, Verdict
+from calibrate.comparison.compare import Verdict
+from calibrate.comparison.nested import Candidate
 from calibrate.experiment.sample import Sample
 from calibrate.experiment.units import TIME_UNITS
 from calibrate.models.column import column

@@ -8,8 +8,9 @@ fit in bounds; they say nothing for or against it. Readings of a file without
 stated errors have a standard deviation of their own, whose most likely value leaves
 N ln(sum r^2 / N) in place of chi^2. Stated errors are scaled if they are too small for every model.
 
-A reading that is left out is predicted from all others, to first order: its residual is
-r / (1 - h), with the leverage h of the reading (Hoaglin & Welsch 1978).
+A reading that is left out is predicted from all others. To first order its residual is then
+r / (1 - h), with the leverage h of the reading (Hoaglin & Welsch 1978). Where a reading has most of
+the say in its own prediction, h > 1/2, the model is fitted again without it.
 """
 
 from typing import NamedTuple
@@ -17,13 +18,18 @@ from typing import NamedTuple
 import numpy as np
 
 from calibrate.comparison.effects import EFFECTS
+from calibrate.least_squares import levenberg
+from calibrate.least_squares.evaluator import half_square
 from calibrate.least_squares.fit import Fit
+from calibrate.least_squares.levenberg import Point
 from calibrate.least_squares.leverage import leverages
 from calibrate.problem.problem import Problem
 from calibrate.problem.scatter import groups_of_scatter
 
-LARGEST_LEVERAGE = 0.999
-"""A reading with more leverage is fitted by itself; leaving it out says nothing to first order."""
+LINEAR_BELOW = 0.5
+"""Leverage of a reading above which the model is fitted again without it."""
+MOST_STEPS = 10
+"""Most steps of such a fit, which begins at the values of all readings."""
 
 
 class Evidence(NamedTuple):
@@ -39,15 +45,22 @@ class Evidence(NamedTuple):
     """Deviance + P ln N."""
     left_out: np.ndarray
     """Deviance of each reading when it is left out, (N,)."""
+    left_out_residuals: np.ndarray
+    """Residual of each reading when it is left out, in stated standard deviations, (N,)."""
+    unsettled: float
+    """Expected decrease of chi-squared by one more Gauss-Newton step; near 0 at an optimum."""
 
 
-def evidence(problem: Problem, fit: Fit, error_scale: float = 1.0) -> Evidence:
+def evidence(
+    problem: Problem, fit: Fit, error_scale: float = 1.0, known: Evidence | None = None
+) -> Evidence:
     """The evidence for a fitted model.
 
     Args:
       problem: the fitted problem.
       fit: its fit.
       error_scale: factor on the stated errors.
+      known: evidence of the same fit with other errors, which spares further runs of the model.
     """
     estimated = groups_of_scatter(problem.experiment)
     variance = np.full(fit.residuals.size, error_scale**2)
@@ -59,8 +72,9 @@ def evidence(problem: Problem, fit: Fit, error_scale: float = 1.0) -> Evidence:
         deviance += len(places) * np.log(squares * scatter.value**2)
         stated[places] = False
     deviance += np.sum(fit.residuals[stated] ** 2) / error_scale**2
-    leverage = np.minimum(leverages(fit.jacobian, fit.prior_precision), LARGEST_LEVERAGE)
-    left_out = (fit.residuals / (1.0 - leverage)) ** 2 / variance
+    residuals = _left_out_residuals(fit) if known is None else known.left_out_residuals
+    unsettled = _unsettled(fit) if known is None else known.unsettled
+    left_out = residuals**2 / variance
     for places, scatter in estimated:
         left_out[places] += np.log(variance[places] * scatter.value**2)
     count = fit.residuals.size
@@ -70,7 +84,41 @@ def evidence(problem: Problem, fit: Fit, error_scale: float = 1.0) -> Evidence:
         len(fit.names),
         float(deviance + len(fit.names) * np.log(count)),
         left_out,
+        residuals,
+        unsettled,
     )
+
+
+def _unsettled(fit: Fit) -> float:
+    return abs(levenberg.step(fit.at(np.log(fit.values)), fit.box)[1])
+
+
+def _left_out_residuals(fit: Fit) -> np.ndarray:
+    """Residual of each reading in the fit of all others, in standard deviations, (N,)."""
+    leverage = leverages(fit.jacobian, fit.prior_precision)
+    linear = leverage < LINEAR_BELOW
+    residuals = fit.residuals / (1.0 - np.where(linear, leverage, 0.0))
+    for place in np.flatnonzero(~linear):
+        residuals[place] = _fitted_without(fit, int(place))
+    return residuals
+
+
+def _fitted_without(fit: Fit, place: int) -> float:
+    """Residual of one reading after a fit of all others, in standard deviations."""
+
+    def others(logs: np.ndarray) -> Point:
+        point = fit.at(logs)
+        counts = np.arange(point.value.size) != place
+        return Point(
+            half_square(point.value[counts]), logs, point.jacobian[counts], point.value[counts]
+        )
+
+    def at(places: list[np.ndarray]) -> list[Point]:
+        return list(map(others, places))
+
+    first = others(np.log(fit.values))
+    (end,), _ = levenberg.minimise(at, [first], fit.box, MOST_STEPS)
+    return float(fit.at(end.logs).value[place])
 
 
 def _of_priors(problem: Problem, fit: Fit) -> float:

@@ -16,24 +16,34 @@ from calibrate.comparison.compare import (
     NOT_NEEDED,
     NOT_TRIED,
     UNDECIDED,
-    Candidate,
     _verdict,
     compare,
 )
 from calibrate.comparison.deciding import deciding_readings
-from calibrate.comparison.effects import DELAY_AT_START, FLOCS, SIZES, with_effects
+from calibrate.comparison.effects import (
+    DELAY_AT_START,
+    EFFECTS,
+    FLOCS,
+    SIZES,
+    YIELDING_BED,
+    with_effects,
+)
 from calibrate.comparison.evidence import Evidence, evidence
+from calibrate.comparison.nested import Candidate, search
 from calibrate.comparison.tables import in_words, markdown, tables
 from calibrate.experiment.sample import Scatter
+from calibrate.least_squares.bounds import Bounds
+from calibrate.least_squares.levenberg import Point, minimise
 from calibrate.problem.problem import Problem
 from tests.builders.result_keys import documented
 from tests.calibrate.comparison.test_effects import FALL, experiment
 
+FREE = Bounds(np.array([-np.inf]), np.array([np.inf]))
 DELAYED = {"f_s": 1.1, "bed_fraction[A]": 0.3, "delay": 0.1 * FALL}
 
 
-def candidate(effects, bic, left_out, usable=True):
-    found = Evidence(0.0, 0.0, 0, bic, np.array([left_out - 0.5, 0.5]))
+def candidate(effects, bic, left_out, usable=True, unsettled=1e3):
+    found = Evidence(0.0, 0.0, 0, bic, np.array([left_out - 0.5, 0.5]), np.zeros(2), unsettled)
     return Candidate(tuple(effects), None, SimpleNamespace(converged=usable), found)
 
 
@@ -61,6 +71,17 @@ def test_a_model_that_did_not_converge_leaves_others_undecided():
     assert "flocs did not converge" in found.reason and found.unfitted == "flocs"
 
 
+def test_a_fit_that_did_not_converge_counts_as_far_as_it_may_still_go():
+    delay = candidate([DELAY_AT_START], 80.0, 70.0)
+    hopeless = candidate([FLOCS], 300.0, 300.0, usable=False, unsettled=1.0)
+    assert verdict(DELAY_AT_START, PLAIN, delay, hopeless).word == ASKED_FOR
+    at_its_end = candidate([FLOCS], 300.0, 300.0, usable=False, unsettled=0.01)
+    assert at_its_end.usable
+    assert verdict(FLOCS, PLAIN, delay, at_its_end).word == NOT_NEEDED
+    both = candidate([FLOCS, DELAY_AT_START], 70.0, 60.0, usable=False)
+    assert verdict(FLOCS, PLAIN, delay, at_its_end, both).word == UNDECIDED
+
+
 def test_two_effects_that_explain_the_same_are_both_undecided():
     models = PLAIN, candidate([DELAY_AT_START], 80.0, 70.0), candidate([FLOCS], 81.0, 71.0)
     assert verdict(DELAY_AT_START, *models).word == UNDECIDED
@@ -72,6 +93,63 @@ def test_two_effects_that_explain_the_same_are_both_undecided():
 def test_a_small_gain_and_one_that_readings_left_out_do_not_confirm_are_undecided():
     assert verdict(FLOCS, PLAIN, candidate([FLOCS], 98.0, 80.0)).word == UNDECIDED
     assert verdict(FLOCS, PLAIN, candidate([FLOCS], 80.0, 91.0)).word == UNDECIDED
+
+
+MADE_UP = {
+    (): 584.0,
+    (YIELDING_BED,): 80.0,
+    (DELAY_AT_START,): 118.0,
+    (FLOCS,): 494.0,
+    (FLOCS, DELAY_AT_START): 21.0,
+    (FLOCS, YIELDING_BED): 79.9,
+    (YIELDING_BED, DELAY_AT_START): 57.0,
+    (FLOCS, YIELDING_BED, DELAY_AT_START): 20.0,
+}
+"""Chi-squared of 24 readings: a yielding bed is the best single effect, two others are true."""
+
+
+def test_the_search_finds_two_effects_behind_a_better_single_one():
+    problem = SimpleNamespace(experiment=replace(experiment(), parameters=()))
+
+    def fit_model(effects, near):
+        ordered = tuple(effect for effect in EFFECTS if effect in effects)
+        squares, count = MADE_UP[ordered], 2 + len(ordered)
+        residuals = np.full(24, (squares / 24) ** 0.5)
+        names = tuple("f_s" for _ in range(count))
+        fit = SimpleNamespace(residuals=residuals, names=names, values=np.ones(0), converged=True)
+        fit.chi_squared = squares
+        found = Evidence(squares, 0.0, count, 0.0, residuals**2, residuals, 0.0)
+        return Candidate(ordered, problem, fit, found)
+
+    found = search(fit_model, [FLOCS, YIELDING_BED, DELAY_AT_START])
+    assert frozenset([FLOCS, DELAY_AT_START]) in found.models
+    assert found.error_scale == pytest.approx((21.0 / 20.0) ** 0.5)
+
+
+def test_a_reading_with_most_of_the_say_is_left_out_by_a_new_fit():
+    """r(x) = x^2 - 4 of one reading, and x - 1 of another: without the first, x = 1 and r = -3."""
+
+    def at(logs):
+        x = np.exp(logs[0])
+        value, slopes = np.array([x**2 - 4.0, 0.1 * (x - 1.0)]), np.array([2 * x**2, 0.1 * x])
+        return Point(0.5 * value @ value, logs, slopes[:, None], value)
+
+    (end,), _ = minimise(lambda places: list(map(at, places)), [at(np.zeros(1))], FREE, 30)
+    fit = SimpleNamespace(
+        at=at,
+        box=FREE,
+        residuals=end.value,
+        jacobian=end.jacobian,
+        prior_precision=np.zeros(1),
+        values=np.exp(end.logs),
+        names=("f_s",),
+        chi_squared=2.0 * end.loss,
+    )
+    found = evidence(SimpleNamespace(experiment=experiment()), fit)
+    assert found.left_out_residuals[0] == pytest.approx(-3.0, abs=1e-3)
+    leverage = end.jacobian[1, 0] ** 2 / np.sum(end.jacobian**2)
+    assert found.left_out_residuals[1] == pytest.approx(end.value[1] / (1.0 - leverage), rel=1e-12)
+    assert found.unsettled < 1e-6
 
 
 def test_evidence_of_stated_and_of_estimated_errors():
@@ -87,6 +165,8 @@ def test_evidence_of_stated_and_of_estimated_errors():
         values=np.array([np.exp(0.5)]),
         names=("f_s",),
         chi_squared=float(residuals @ residuals),
+        box=FREE,
+        at=lambda logs: Point(0.0, logs, jacobian, residuals),
     )
     squares, of_prior, penalty = 7.25, (0.5 / 0.5) ** 2, np.log(6.0)
     stated = evidence(problem, fit)

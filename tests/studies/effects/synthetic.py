@@ -1,8 +1,9 @@
 """Synthetic mudlines with known effects, and the verdicts of a comparison on each.
 
 A set has one tube of mineral powder in water, 24 readings, values drawn from the priors, and
-normal noise. Its noise is chosen so that the effects lower chi-squared, without noise in the data,
-by the drawn gain.
+normal noise. The expected gain of an effect is the least chi-squared, without noise in the data, of
+all models that lack it: other effects may take its place. The noise is chosen so that the weakest
+effect of a set has the drawn gain.
 """
 
 import csv
@@ -10,6 +11,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from itertools import combinations
 from pathlib import Path
 from typing import NamedTuple
 
@@ -18,14 +20,13 @@ from jax import Array
 
 import mrjax
 from calibrate.comparison.compare import (
-    Candidate,
     _begun_near,
     _is_no_worse,
-    _search,
     _verdict,
 )
-from calibrate.comparison.effects import EFFECTS, Effect, with_effects
+from calibrate.comparison.effects import EFFECTS, Effect, combine, with_effects
 from calibrate.comparison.evidence import evidence
+from calibrate.comparison.nested import Candidate, search
 from calibrate.experiment.experiment import Experiment
 from calibrate.experiment.free_parameters import FreeParameter
 from calibrate.experiment.sample import Measurement, Sample
@@ -37,6 +38,12 @@ from calibrate.problem.problem import Problem
 
 HEIGHT, FRACTION, ERROR, READINGS = 0.3, 0.08, 1.0, 24
 LEAST_GAIN, MOST_GAIN = 25.0, 100.0
+LEAST_ERROR = 0.02
+"""Noise in mm; values whose effects are seen only with less are drawn anew."""
+TRIALS = 20
+"""Number of draws, at most."""
+FINE = 0.1
+"""Standard deviation in mm by which rivals are fitted to readings without noise."""
 FILE = Path(__file__).parent / "verdicts.csv"
 FLOCS, YIELDING, DELAY, SIZES = EFFECTS
 RANGES = {
@@ -67,7 +74,7 @@ class Set(NamedTuple):
     number: int
     truth: frozenset[Effect]
     gain: float
-    """Expected decrease of chi-squared by the effects in it."""
+    """Expected gain of its weakest effect."""
 
 
 def recipe() -> mrjax.Recipe:
@@ -171,38 +178,74 @@ def _as_good(
     return min(candidate, other, key=lambda one: (not one.usable, one.evidence.deviance))
 
 
-def drawn(chosen: Set) -> tuple[np.ndarray, float]:
-    """Readings of a set, with noise, and its error, mm."""
+class Drawn(NamedTuple):
+    """Readings of a set."""
+
+    readings: np.ndarray
+    """Heights with noise, mm, (N,)."""
+    error: float
+    """Standard deviation of the noise, mm."""
+    gains: dict[str, float]
+    """Expected gain of each effect in the data, by its name."""
+
+
+def drawn(chosen: Set) -> Drawn:
+    """Readings of a set, from the first values that are not hidden from any reading of a tube."""
     random = np.random.default_rng(chosen.number)
     problem, _ = problems(chosen.truth)
-    fall = experiment().samples[0].times[-1] / 6.0
-    for _ in range(50):
-        values = {"f_s": np.exp(random.normal(0.0, 0.3)), "bed_fraction": random.uniform(0.2, 0.5)}
-        for name, (low, high) in RANGES.items():
-            values[name] = float(np.exp(random.uniform(np.log(low), np.log(high))))
-        values["delay"] *= fall
-        if FLOCS in chosen.truth:
-            values["bed_fraction"] = min(values["bed_fraction"], 0.9 / values["f_w.floc_volume"])
-        exact = measured_by(problem, values)
-        if np.isfinite(exact).all():
+    error, gains = ERROR, dict[str, float]()
+    for _ in range(TRIALS):
+        exact = measured_by(problem, _values(chosen, random))
+        if not np.isfinite(exact).all():
+            continue
+        if not chosen.truth:
             break
-    error = ERROR
-    if chosen.truth:
-        plain = fitted(frozenset(), exact, 0.1 * ERROR)
-        rms = 0.1 * ERROR * plain.fit.chi_squared**0.5
-        error = rms / chosen.gain**0.5
-    return exact + error * random.standard_normal(exact.size), error
+        squares = _least_squares_without(chosen.truth, exact)
+        error = (min(squares.values()) / chosen.gain) ** 0.5
+        gains = {name: square / error**2 for name, square in squares.items()}
+        if error > LEAST_ERROR:
+            break
+    return Drawn(exact + error * random.standard_normal(exact.size), error, gains)
+
+
+def _values(chosen: Set, random: np.random.Generator) -> dict[str, float]:
+    """Values of all quantities, drawn from their ranges."""
+    fall = experiment().samples[0].times[-1] / 6.0
+    values = {"f_s": np.exp(random.normal(0.0, 0.3)), "bed_fraction": random.uniform(0.2, 0.5)}
+    for name, (low, high) in RANGES.items():
+        values[name] = float(np.exp(random.uniform(np.log(low), np.log(high))))
+    values["delay"] *= fall
+    if FLOCS in chosen.truth:
+        values["bed_fraction"] = min(values["bed_fraction"], 0.9 / values["f_w.floc_volume"])
+    return values
+
+
+def _least_squares_without(truth: frozenset[Effect], exact: np.ndarray) -> dict[str, float]:
+    """Least sum of squared residuals, mm^2, of all models that lack an effect, by its name."""
+    rivals = [
+        frozenset(rival)
+        for count in range(len(TRIED))
+        for rival in combinations(TRIED, count)
+        if combine(rival) and not truth <= set(rival)
+    ]
+    found = {rival: fitted(rival, exact, FINE) for rival in rivals}
+    squares = {rival: one.evidence.deviance * FINE**2 for rival, one in found.items() if one.usable}
+    return {
+        effect.name: min(square for rival, square in squares.items() if effect not in rival)
+        for effect in EFFECTS
+        if effect in truth
+    }
 
 
 def verdicts(chosen: Set, tried: list[Effect]) -> dict[str, str]:
     """The verdict on each effect that is tried, by its name, and what the set was."""
-    readings, error = drawn(chosen)
-    found, _ = _search(lambda effects, near: _as_good(effects, readings, error, near), tried)
-    candidates = sorted(found.values(), key=lambda one: (not one.usable, one.evidence.bic))
+    readings, error, gains = drawn(chosen)
+    found = search(lambda effects, near: _as_good(effects, readings, error, near), tried)
+    candidates = sorted(found.models.values(), key=lambda one: (not one.usable, one.evidence.bic))
     row = {
         "set": str(chosen.number),
         "truth": " + ".join(effect.name for effect in EFFECTS if effect in chosen.truth),
-        "gain": f"{chosen.gain:.1f}",
+        "gains": " + ".join(f"{gains[one.name]:.1f}" for one in EFFECTS if one in chosen.truth),
         "error_mm": f"{error:.3g}",
         "best": candidates[0].name,
     }
