@@ -61,6 +61,8 @@ from .laws import rolling as rolling
 from .laws.attraction import bond_number as bond_number
 from .laws.closed_forms import terminal_velocity as terminal_velocity
 from .laws.dimensionless import reynolds_number as reynolds_number
+from .laws.magnetism import dipolar_coupling as dipolar_coupling
+from .laws.magnetism import magnetic_bond_number as magnetic_bond_number
 from .laws.time_scales import time_step as time_step
 from .observables.concentration import bed_front as bed_front
 from .observables.concentration import concentration as concentration

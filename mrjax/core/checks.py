@@ -165,6 +165,11 @@ def refuse_bad_parameters(
                     f"{quantity.name} has shape {np.shape(leaf)}; all walls are of one material: "
                     "give one number"
                 )
+        elif quantity.metadata["vector"]:
+            if np.shape(leaf) != (3,):
+                raise InputError(
+                    f"{quantity.name} has shape {np.shape(leaf)}; give three components, x, y, z"
+                )
         elif np.shape(leaf) not in ((), (particles,)):
             raise InputError(
                 f"{quantity.name} has shape {np.shape(leaf)}; give one number, or one for each of "

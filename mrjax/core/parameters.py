@@ -33,6 +33,7 @@ def _quantity(
     wall: bool = False,
     contact: bool = False,
     optional: bool = False,
+    vector: bool = False,
     **keywords: Any,
 ) -> Any:
     """Declares a leaf: its unit, from which its dimension follows, its description, and its bounds.
@@ -40,6 +41,7 @@ def _quantity(
     `pair`: the leaf is a property of two surfaces, not of one. `wall`: it is a property of the
     walls, which are all alike. `contact`: only particles in contact use it; NaN if it is unknown.
     `optional`: None is a carrier without this property, and then no leaf of the tree.
+    `vector`: the leaf has three components, x, y and z, shape (3,).
     """
     metadata = {
         "unit": unit,
@@ -49,6 +51,7 @@ def _quantity(
         "wall": wall,
         "contact": contact,
         "optional": optional,
+        "vector": vector,
     }
     return field(metadata={**metadata, "above": above, "least": least, "most": most}, **keywords)
 
@@ -84,7 +87,8 @@ class Parameters:
     contact need them. Without a fluid (`viscosity=0, gravity=0`) the same parameters describe a
     dry collision. `yield_stress`, `flow_index` and `yield_growth` are None in a Newtonian fluid;
     only terminal velocities and columns use them. `hamaker` and `layer_thickness` are None without
-    attraction.
+    attraction. `remanence`, `field`, `susceptibility` and `saturation` are None without magnetism;
+    `field` is one vector, shape (3,).
     """
 
     radius: ArrayLike = _quantity("m", "R, radius of the uncoated particle (Eq. 3).", above=0.0)
@@ -219,6 +223,35 @@ class Parameters:
         default=None,
         least=0.0,
         pair=True,
+        optional=True,
+    )
+
+    remanence: ArrayLike | None = _quantity(
+        "A/m",
+        "M_r, magnetisation of a particle without a field (mrjax.Dipoles).",
+        default=None,
+        least=0.0,
+        optional=True,
+    )
+    field: ArrayLike | None = _quantity(
+        "A/m",
+        "H_0, uniform magnetic field, (3,).",
+        default=None,
+        optional=True,
+        vector=True,
+    )
+    susceptibility: ArrayLike | None = _quantity(
+        "1",
+        "chi of the solid, by the field inside it; None if a field induces no moments.",
+        default=None,
+        least=0.0,
+        optional=True,
+    )
+    saturation: ArrayLike | None = _quantity(
+        "A/m",
+        "M_s, largest magnetisation that a field induces; None for no limit.",
+        default=None,
+        above=0.0,
         optional=True,
     )
 

@@ -3,7 +3,7 @@
 A run sorts its particles at the start and returns them in their original order.
 """
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import jax
 import jax.numpy as jnp
@@ -68,4 +68,12 @@ def permute_system(system: System, order: Array) -> System:
 
 def permute_parameters(parameters: Parameters, order: Array) -> Parameters:
     """Returns the parameters with their leaves (N,) in the given order, (N,)."""
-    return jax.tree.map(lambda leaf: leaf[order] if jnp.ndim(leaf) == 1 else leaf, parameters)
+    by_name = {leaf.name: getattr(parameters, leaf.name) for leaf in fields(parameters)}
+    vectors = {leaf.name for leaf in fields(parameters) if leaf.metadata["vector"]}
+    return parameters.replace(
+        **{
+            name: value[order]
+            for name, value in by_name.items()
+            if value is not None and jnp.ndim(value) == 1 and name not in vectors
+        }
+    )

@@ -11,9 +11,12 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submodules=(
         "closed_forms",
         "dimensionless",
+        "dipoles",
         "drag",
         "effective",
         "hindrance",
+        "induced_moments",
+        "magnetism",
         "normal",
         "particle",
         "rolling",
