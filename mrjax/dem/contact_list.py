@@ -9,6 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.typing import ArrayLike
 
 from mrjax.core import checks
 from mrjax.core.box import Box
@@ -133,10 +134,31 @@ def normal_forces(state: State, parameters: Parameters, box: Box) -> ContactList
     )
 
 
+class Moment(NamedTuple):
+    """Pairs of a state with their forces, in reduced units."""
+
+    pairs: Pairs
+    sums: PairForceSums
+    units: Units
+    matter: Matter
+    state: tuple[Array, Array, Array, ParticleHistory]  # position, velocity, spin, (3, N) each
+    settings: EngineSettings
+
+
 def _moment(system: System) -> tuple[Pairs, PairForceSums, Units]:
-    """Pairs of a state, the sums of their forces in reduced units, and these units.
+    """Pairs of a state, the sums of their forces in reduced units, and these units."""
+    pairs, sums, units, *_ = moment_of(system)
+    return pairs, sums, units
+
+
+def moment_of(system: System, stretch: ArrayLike | None = None) -> Moment:
+    """Pairs of a state with the sums of their forces, in reduced units.
 
     In a call that is not traced, the neighbour list is enlarged until it holds every pair.
+
+    Args:
+      system: the system at that moment.
+      stretch: edges of the container over those of the system's box, as in `Matter`.
     """
     state, parameters, _, box, _ = system
     checks.refuse_bad_parameters(
@@ -153,6 +175,7 @@ def _moment(system: System) -> tuple[Pairs, PairForceSums, Units]:
         state.material,
         None,
         reduced_forces(system.forces, units, state),
+        None if stretch is None else jnp.asarray(stretch, state.position.dtype),
     )
     plan = schedule.plan_neighbour_list(
         state, radius, box, diameter, skin=0.0, reach=max(reach, default=0.0)
@@ -171,7 +194,7 @@ def _moment(system: System) -> tuple[Pairs, PairForceSums, Units]:
         pairs, sums = _exerted(*moment, matter, settings=settings)
         overflow = value_or_none(pairs.overflow)
         if overflow is None or not overflow:
-            return pairs, sums, units
+            return Moment(pairs, sums, units, matter, moment, settings)
         grown = settings.neighbour_list.grown(int(overflow), state.particles)
         settings = replace(settings, neighbour_list=grown)
 
@@ -190,7 +213,7 @@ def _exerted(
     plan, box, parameters = settings.neighbour_list, settings.box, matter.parameters
     radii = jnp.broadcast_to(particle.outer_radius(parameters), position.shape[1:])
     listed_gap = plan.cutoff - 2.0 * jnp.max(radii)
-    around = neighbours.build(plan, box, position.T)
+    around = neighbours.build(plan, box, position.T, matter.stretch)
     pairs = list_pairs(around, box, position, radii, listed_gap, plan.pairs)
     law = PairForces(
         pair_forces(matter.forces),

@@ -313,7 +313,7 @@ class Engine:
 
     def _kicks(self, position: Array | None = None) -> tuple[Kick, Kick]:
         """Coefficients of a step for velocities and spins; with hindrance, by local drag."""
-        parameters, _, hindrance, _ = self.matter
+        parameters, hindrance = self.matter.parameters, self.matter.hindrance
         if hindrance is not None and position is not None:
             box = self.settings.box
             parameters = hindered_parameters(parameters, hindrance, box, position, spacing=2.0)
@@ -349,7 +349,7 @@ class Engine:
         origin = lax.stop_gradient(position)
         # A single particle has every wall in its list, so it can move freely.
         gap = self.listed_gap if self.particles > 1 else jnp.asarray(jnp.inf, self.dtype)
-        around = neighbours.build(plan, box, origin.T)
+        around = neighbours.build(plan, box, origin.T, self.matter.stretch)
         pairs = pair_list.list_pairs(around, box, origin, self.radius, gap, plan.pairs)
         return pairs, origin, position - origin
 

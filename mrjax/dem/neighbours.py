@@ -114,10 +114,21 @@ def plan_list(
     )
 
 
-def build(plan: ListPlan, box: Box, position: Array) -> Neighbours:
-    """Builds the neighbour list of `position`, (N, 3). Works under jit, grad and vmap."""
+def build(plan: ListPlan, box: Box, position: Array, stretch: Array | None = None) -> Neighbours:
+    """Builds the neighbour list of `position`, (N, 3). Works under jit, grad and vmap.
+
+    Args:
+      plan: sizes of the list.
+      box: the container.
+      position: centres, (N, 3).
+      stretch: edges of the container over those of `box`, at least 1, (3,); None for `box` itself.
+        One compiled program then serves a periodic container of any size.
+    """
     particles = position.shape[0]
     displacement, _ = box.space()
+    if stretch is not None:
+        position = position / jnp.broadcast_to(stretch, position.shape)
+        displacement = _stretched(displacement, stretch)
     if particles == 1:
         none = jnp.zeros((plan.capacity, particles))
         return Neighbours(
@@ -138,6 +149,19 @@ def build(plan: ListPlan, box: Box, position: Array) -> Neighbours:
         (vector[..., 0], vector[..., 1], vector[..., 2]),
         found.error.code.astype(jnp.int32),
     )
+
+
+def _stretched(displacement: Callable, stretch: Array) -> Callable:
+    """Displacement in a stretched container, for positions over the stretch.
+
+    Cells of the small box are no smaller in the container, and the true distance decides.
+    """
+
+    def stretched(first: Array, second: Array, **keywords: Any) -> Array:
+        vector = displacement(first, second, **keywords)
+        return jnp.broadcast_to(stretch, vector.shape) * vector
+
+    return stretched
 
 
 def _search(plan: ListPlan, box: Box, displacement: Callable, position: Array) -> Any:

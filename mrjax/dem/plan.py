@@ -71,6 +71,7 @@ class Matter(NamedTuple):
     material: Array | None
     hindrance: Hindrance | None
     forces: tuple[Force, ...]
+    stretch: Array | None = None  # edges of the container over those of the box, (3,)
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,12 @@ from mrjax.figures.column_fields import column_field
 from mrjax.figures.contacts import force_chains, force_distribution
 from mrjax.figures.curves import sedimentation, settling
 from mrjax.figures.heat_map import concentration
+from mrjax.figures.packings import (
+    clusters,
+    contact_directions,
+    coordination_distribution,
+    stress_profile,
+)
 from mrjax.figures.sensitivities import sensitivities, sensitivity_curves
 from mrjax.figures.spheres import particles
 from mrjax.figures.style import COLUMN, PAGE, STYLE
@@ -13,8 +19,11 @@ __all__ = [
     "COLUMN",
     "PAGE",
     "STYLE",
+    "clusters",
     "column_field",
     "concentration",
+    "contact_directions",
+    "coordination_distribution",
     "force_chains",
     "force_distribution",
     "particles",
@@ -24,4 +33,5 @@ __all__ = [
     "sensitivities",
     "sensitivity_curves",
     "settling",
+    "stress_profile",
 ]

@@ -59,7 +59,7 @@ def disperse(recipe: Recipe, seed: int = 0, *, dtype: DTypeLike = float) -> Stat
     particles = recipe.particle_count
     radius = np.broadcast_to(np.asarray(particle.outer_radius(parameters)), (particles,))
     unit = float(radius.max())
-    position = _spread(randomness.key(seed), recipe.box.scaled(1 / unit), radius / unit)
+    position = spread(randomness.key(seed), recipe.box.scaled(1 / unit), radius / unit)
     if position is None:
         size = " x ".join(f"{1e6 * length:.3g}" for length in recipe.box.size)
         raise InputError(
@@ -70,7 +70,7 @@ def disperse(recipe: Recipe, seed: int = 0, *, dtype: DTypeLike = float) -> Stat
     return place(position * unit, contact_diameter=2 * unit, dtype=dtype)
 
 
-def _spread(key: Array, box: Box, radius: np.ndarray) -> np.ndarray | None:
+def spread(key: Array, box: Box, radius: np.ndarray) -> np.ndarray | None:
     """Centres of spheres that do not touch, (N, 3); None if spheres touch after the last burst."""
     margin = np.where(box.periodic, 0.0, radius[:, None])
     with randomness.ordered():

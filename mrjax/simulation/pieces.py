@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, TypeVar
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax import Array
 from jax.typing import DTypeLike
 
 from mrjax.core.interruption import Stop, in_a_thread
@@ -74,18 +75,24 @@ class PiecewiseRun:
     A fault that larger buffers repair takes the run back to the beginning of its frame.
     """
 
-    def __init__(self, system: System, plan: RunPlan, *, stop: Stop) -> None:
+    def __init__(
+        self, system: System, plan: RunPlan, *, stop: Stop, stretch: Array | None = None
+    ) -> None:
         """Prepares a run at its start.
 
         Args:
           system: the system, with concrete values.
           plan: plan of the run; its schedule gives the length of a frame.
           stop: request to stop, checked before every piece.
+          stretch: edges of the container over those of the system's periodic box, at least 1, (3,);
+            runs in containers of many sizes then share one compiled program.
 
         Raises:
           SimulationError: particles overlap too deeply at the start.
         """
-        refuse_deep_start(system)
+        if stretch is None:
+            refuse_deep_start(system)
+        self.stretch = stretch
         self.original, self.system, self.plan, self.stop = system, system, plan, stop
         self.back: np.ndarray | None = None
         if system.particles >= sorting.SORT_FROM:
@@ -211,7 +218,7 @@ class PiecewiseRun:
     def _reduced(self) -> tuple[tuple, Matter]:
         system = self.system._replace(state=_on_host(self.system.state))
         begin, matter = reduced(system, self.plan)
-        return begin, matter._replace(material=self.system.state.material)
+        return begin, matter._replace(material=self.system.state.material, stretch=self.stretch)
 
     def _piece(self, frames: int, most: int) -> None:
         """Advances by at most `frames` whole frames, or within one, at most to interval `most`."""

@@ -309,6 +309,28 @@ def test_a_distribution_of_forces_is_one_of_probability(bed):
             figure(alone, DRY, BOX)
 
 
+def test_figures_of_a_packing_show_its_observables(bed):
+    network = mrjax.contact_network(bed, DRY, BOX)
+    numbers = mrjax.coordination(network)
+    (axes,) = drawn(figures.coordination_distribution(network)).axes
+    shares = [bar.get_height() for bar in axes.patches]
+    assert shares == near(np.asarray(numbers.distribution)[: len(shares)])
+    assert f"mean {float(numbers.mean):.2f}" in axes.get_legend_handles_labels()[1]
+    (axes,) = drawn(figures.clusters(network)).axes
+    sizes = axes.lines[0].get_xdata()
+    assert sizes.tolist() == mrjax.cluster_sizes(network).tolist()
+    (axes,) = drawn(figures.contact_directions(network)).axes
+    density = axes.containers[0].lines[0].get_ydata()
+    assert density.mean() == near(1.0)
+    (axes,) = drawn(figures.stress_profile(network, weight=1e-9)).axes
+    stress, levels = axes.lines[0].get_data()
+    assert stress == near(np.asarray(mrjax.vertical_stress(network, levels)))
+    assert axes.lines[1].get_xdata()[0] == near(1e-9 / (BOX.size[0] * BOX.size[1]))
+    alone = jax.tree.map(lambda rows: rows[3:], bed)
+    with pytest.raises(InputError, match="no two particles touch"):
+        figures.contact_directions(mrjax.contact_network(alone, DRY, BOX))
+
+
 def test_a_film_shows_the_first_frame_the_last_and_as_many_as_asked(run, tmp_path):
     path = tmp_path / "run.gif"
     figures.save_animation(path, run, pictures=5)
@@ -363,6 +385,7 @@ def test_figures_are_for_columns_of_a_paper_and_leave_settings_alone(run, bed, t
         figures.particles({"now": bed.position}, DRY.radius, BOX),
         figures.sensitivities({"f_w": -1.0}, "velocity"),
         figures.force_chains(bed, DRY, BOX),
+        figures.coordination_distribution(mrjax.contact_network(bed, DRY, BOX)),
     ]
     assert dict(matplotlib.rcParams) == before
     for figure in every:

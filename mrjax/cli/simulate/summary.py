@@ -10,6 +10,7 @@ from mrjax import Run, Sedimentation, State
 from mrjax.cli import provenance
 from mrjax.cli.simulate.run import Plan, Result
 from mrjax.laws import dimensionless
+from mrjax.observables import packing
 
 
 def made_by(plan: Plan) -> dict[str, Any]:
@@ -108,6 +109,29 @@ def _at_rest(whole: Sedimentation) -> dict[str, Any]:
             whole.run.mean_speed[:, -1] / whole.run.mean_speed.max(axis=1)
         ).max(),
         "coordination_number": contacts.mean(),
+        **_packings(whole),
         "softening": whole.softening,
         "ensemble": len(whole.seeds),
     }
+
+
+def _packings(whole: Sedimentation) -> dict[str, Any]:
+    """Returns the numbers of the beds at rest, as means over the starts."""
+    beds = []
+    for start in range(len(whole.seeds)):
+        run = jax.tree.map(lambda leaf, start=start: leaf[start], whole.run)
+        network = mrjax.contact_network(run.state, whole.parameters, run.box)
+        bed, numbers = mrjax.bed_packing(run, network), mrjax.coordination(network)
+        beds.append(
+            {
+                "coordination_without_rattlers": float(numbers.mean_without_rattlers),
+                "rattlers": float(numbers.rattlers),
+                "bed_fraction": float(bed.volume_fraction),
+                "bed_openness": float(bed.openness),
+                "largest_cluster": float(mrjax.cluster_sizes(network)[0] / network.particles),
+                "vertical_contact_stress_pa": float(mrjax.stress_tensor(network)[2, 2]),
+                "vertical_contacts": float(mrjax.fabric_tensor(network)[2, 2]),
+            }
+        )
+    means = {key: sum(bed[key] for bed in beds) / len(beds) for key in beds[0]}
+    return means | {"bed": packing.name(means["bed_fraction"])}
