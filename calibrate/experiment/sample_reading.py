@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from calibrate.experiment import curve, local_table, velocity_table
+from calibrate.experiment import curve, local_table, particle_network, velocity_table
 from calibrate.experiment.sample import LocalTable, Measurement, Sample
 from calibrate.experiment.sheets import SampleSheet
 from calibrate.experiment.suspension import TILT
@@ -75,7 +75,7 @@ def read_sample(
         curve_scatter,
         tuple(measurement.point for measurement in local if measurement.point is not None),
         tuple(tables),
-        _tube(sheet),
+        _tube(sheet, recipe, source),
         sheet.mudline_threshold,
         rotor,
         _gap(sheet),
@@ -111,10 +111,24 @@ def _concentrations(
         raise InputError(f"{source}: sample {shown(sheet.name)}: {error}") from None
 
 
-def _tube(sheet: SampleSheet) -> dict[str, float]:
-    """The stated quantities of the tube, by name."""
-    stated = {"delay": sheet.delay, TILT: sheet.tube.tilt if sheet.tube else None}
-    if sheet.compression is not None:
+def _tube(sheet: SampleSheet, recipe: Recipe, source: str) -> dict[str, float]:
+    """The stated quantities of the tube, by name.
+
+    Raises:
+      InputError: the compression is to be that of particles, and cannot be simulated.
+    """
+    stated: dict[str, float | None] = {
+        "delay": sheet.delay,
+        TILT: sheet.tube.tilt if sheet.tube else None,
+    }
+    if sheet.compression == "particles":
+        try:
+            stated |= particle_network.compression(recipe)
+        except InputError as error:
+            raise InputError(
+                f"{source}: sample {shown(sheet.name)}: compression: {error}"
+            ) from None
+    elif sheet.compression is not None:
         stated |= {
             f"compression.{name}": value for name, value in sheet.compression.model_dump().items()
         }

@@ -122,8 +122,9 @@ class SampleSheet(Sheet):
         default=None,
         description='the volume fraction of coated particles in the bed at rest, or "particles"',
     )
-    compression: CompressionSheet | None = Field(
-        default=None, description="a table with gel_fraction, stress and exponent of a bed"
+    compression: CompressionSheet | Literal["particles"] | None = Field(
+        default=None,
+        description='a table with gel_fraction, stress and exponent of a bed, or "particles"',
     )
     tube: TubeSheet | None = Field(
         default=None, description="a table with tilt and gap of a tube that leans"

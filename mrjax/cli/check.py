@@ -27,6 +27,7 @@ if TYPE_CHECKING:
       mrjax check case2
       mrjax check mine.toml --json
       mrjax check thick.toml --tube-diameter 0.02 --tube-height 0.2
+      mrjax check case2 --tube-height 0.1 --compression 0.3 200 8
     """,
 )
 @click.argument("recipe", shell_complete=sheet_names("mrjax.recipe.bundled"))
@@ -41,12 +42,21 @@ if TYPE_CHECKING:
     help="Height of the suspension in that tube in m: a tall, narrow one settles faster if tilted, "
     "and a bed of many layers may yield under its weight.",
 )
+@click.option(
+    "--compression",
+    nargs=3,
+    type=options.Finite(min=0.0, min_open=True),
+    metavar="GEL STRESS EXPONENT",
+    help="Effective solid stress of the bed, as for mrjax column: with --tube-height, whether the "
+    "suspension stands without settling.",
+)
 @options.quiet_option
 @options.json_option
 def check(
     recipe: str,
     tube_diameter: float | None,
     tube_height: float | None,
+    compression: tuple[float, float, float] | None,
     quiet: bool,
     as_json: bool,
 ) -> None:
@@ -59,7 +69,15 @@ def check(
     sheet = mrjax.Recipe.load(recipe)
     quantities = derived.derived(sheet)
     warnings = derived.warnings(sheet, tube_diameter, tube_height)
-    notes = derived.notes(sheet, tube_diameter, tube_height)
+    law = None
+    if compression is not None:
+        if tube_height is None:
+            raise mrjax.InputError(
+                "--compression: needs the height of the tube; give --tube-height"
+            )
+        gel, stress, exponent = compression
+        law = mrjax.Compression(gel_fraction=gel, stress=stress, exponent=exponent)
+    notes = derived.notes(sheet, tube_diameter, tube_height, law)
     for warning in warnings:
         echo(f"mrjax: warning: {warning}", err=True)
     if as_json:

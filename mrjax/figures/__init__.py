@@ -2,6 +2,7 @@
 
 from mrjax.figures.animation import refuse_without_writer, save_animation
 from mrjax.figures.column_fields import column_field
+from mrjax.figures.compression import compressive_yield
 from mrjax.figures.contacts import force_chains, force_distribution
 from mrjax.figures.curves import sedimentation, settling
 from mrjax.figures.heat_map import concentration
@@ -21,6 +22,7 @@ __all__ = [
     "STYLE",
     "clusters",
     "column_field",
+    "compressive_yield",
     "concentration",
     "contact_directions",
     "coordination_distribution",

@@ -8,6 +8,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from mrjax.continuum import tilt
+from mrjax.continuum.compression import Compression
 from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.core.parameters import Parameters
 from mrjax.core.units import MM_PER_DAY
@@ -53,18 +54,22 @@ def derived(recipe: Recipe, overlap: float = OVERLAP) -> list[Quantity]:
 
 
 def notes(
-    recipe: Recipe, tube_diameter: float | None = None, tube_height: float | None = None
+    recipe: Recipe,
+    tube_diameter: float | None = None,
+    tube_height: float | None = None,
+    compression: Compression | None = None,
 ) -> list[str]:
     """Remarks on assumptions, and on what matters in a suspension.
 
     They are assumed and inconsistent values, quantities that `derived` leaves out, the branch of
     hindered settling, what moves in a fluid with a yield stress, whether particles stick, and the
-    layers of a tube.
+    layers of a tube, and whether its suspension stands without settling.
 
     Args:
       recipe: the lab sheet.
       tube_diameter: inner diameter of the tube, m; None if it is not known.
       tube_height: height of the suspension in the tube, m; None if it is not known.
+      compression: effective solid stress of the bed; None if it is not known.
     """
     lacking = contacts.missing(recipe)
     omissions = [f"times and steps of contacts are left out: {lacking}"] if lacking else []
@@ -73,7 +78,8 @@ def notes(
     stated = () if sheet is None else (sheet.hamaker, sheet.stated.get("layer_thickness"))
     sticking = attraction_notes.notes(recipe.parameters(), *stated)
     assumed = [*recipe.notes, *recipe.contact_notes, *omissions]
-    return [*assumed, *sticking, *_layers(recipe, tube_height), branch_note(recipe), *moving]
+    tube = [*_layers(recipe, tube_height), *_standing(recipe, tube_height, compression)]
+    return [*assumed, *sticking, *tube, branch_note(recipe), *moving]
 
 
 def _layers(recipe: Recipe, tube_height: float | None) -> list[str]:
@@ -87,6 +93,30 @@ def _layers(recipe: Recipe, tube_height: float | None) -> list[str]:
         f"and that of the simulated box {box:.2g}: a chain of particles breaks under its weight if "
         "they are more than the granular Bond number, so that a loose bed that stands in the box "
         "may yield in the tube (compression of a column)"
+    ]
+
+
+def _standing(
+    recipe: Recipe, tube_height: float | None, compression: Compression | None
+) -> list[str]:
+    """A note on the load of a network, Delta rho g phi H, over its strength sigma(phi)."""
+    if tube_height is None or compression is None or not recipe.gravity:
+        return []
+    fraction = recipe.coated_volume_fraction
+    excess = abs(recipe.apparent_density - recipe.fluid.density)
+    load = excess * recipe.gravity * fraction * tube_height
+    strength = float(evaluate_with_numpy(compression.solid_stress, fraction))
+    begins = (
+        f"the suspension of {1e3 * tube_height:.3g} mm weighs {load:.3g} Pa on its floor, and at a "
+        f"volume fraction of {fraction:.3g} "
+    )
+    if not strength > 0.0:
+        gel = float(compression.gel_fraction)
+        return [f"{begins}there is no network: it settles until {gel:.3g} at least"]
+    ratio = load / strength
+    verdict = "it stands without settling" if ratio <= 1.0 else "it settles until denser"
+    return [
+        f"{begins}its network bears {strength:.3g} Pa: load over strength is {ratio:.3g}, {verdict}"
     ]
 
 

@@ -331,6 +331,30 @@ def test_figures_of_a_packing_show_its_observables(bed):
         figures.contact_directions(mrjax.contact_network(alone, DRY, BOX))
 
 
+def test_a_compressive_yield_is_drawn_with_its_law():
+    phi = np.linspace(0.2, 0.5, 7)
+    law = mrjax.Compression(gel_fraction=0.22, stress=0.02, exponent=6.0)
+    exact = np.asarray(law.solid_stress(phi))
+    result = mrjax.CompressiveYield(
+        volume_fraction=phi,
+        stresses=np.stack([0.8 * exact, 1.2 * exact]),
+        lateral_stresses=exact[None],
+        coordination=exact[None],
+        unbalanced=exact[None],
+        compression=law,
+        covariance=np.zeros((3, 3)),
+        fitted=exact > 0,
+        pull_off=8e-12,
+        diameter=4e-6,
+        seeds=(0, 1),
+    )
+    (axes,) = drawn(figures.compressive_yield(result)).axes
+    points = axes.containers[0].lines[0]
+    assert points.get_ydata() == near((exact / 0.5)[exact / 0.5 > 1e-3])  # F_c / d^2 = 0.5 Pa
+    fraction, stress = axes.lines[-1].get_data()
+    assert stress == near(np.asarray(law.solid_stress(fraction)) / 0.5)
+
+
 def test_a_film_shows_the_first_frame_the_last_and_as_many_as_asked(run, tmp_path):
     path = tmp_path / "run.gif"
     figures.save_animation(path, run, pictures=5)

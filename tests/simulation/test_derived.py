@@ -149,3 +149,23 @@ def test_the_layers_of_a_tube_are_said_beside_those_of_the_box(case2):
     assert (
         "of 100 mm in its tube is 2.5e+04 diameters high, and that of the simulated box 12" in note
     )
+
+
+@pytest.mark.parametrize(
+    ("gel", "stress", "said"),
+    [
+        (0.2, 1e3, r"load over strength is 0\.\d+, it stands without settling"),
+        (0.2, 10.0, r"load over strength is \d+\.?\d*, it settles until denser"),
+        (0.4, 10.0, "there is no network: it settles until 0.4 at least"),
+    ],
+)
+def test_a_network_that_bears_its_load_is_said_to_stand(case2, gel, stress, said):
+    law = mrjax.Compression(gel_fraction=gel, stress=stress, exponent=6.0)
+    assert not any("on its floor" in note for note in derived.notes(case2, None, None, law))
+    (note,) = [one for one in derived.notes(case2, None, 0.1, law) if "on its floor" in one]
+    # (7470 - 950) kg/m^3 x 9.81 m/s^2 x 0.337 x 0.1 m
+    load = (7470.0 - 950.0) * 9.81 * case2.volume_fraction * 0.1
+    assert f"weighs {load:.3g} Pa" in note and re.search(said, note)
+    strength = stress * ((case2.volume_fraction / gel) ** 6 - 1.0)
+    if strength > 0.0:
+        assert f"bears {strength:.3g} Pa: load over strength is {load / strength:.3g}" in note

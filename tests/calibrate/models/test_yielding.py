@@ -1,6 +1,7 @@
 """A tube with a yielding bed, and a delay: predictions, a fit of synthetic readings, refusals."""
 
 from collections import OrderedDict
+from types import SimpleNamespace
 
 import jax
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 import calibrate
 import mrjax
+from calibrate.experiment import particle_network
 from calibrate.experiment.experiment import Experiment
 from calibrate.experiment.sample import Sample
 from calibrate.experiment.suspension import COMPRESSION, suspension
@@ -144,6 +146,29 @@ def test_an_experiment_states_and_fits_a_bed_and_a_delay(tmp_path):
     assert float(of_sample.compression.stress) == 0.5 and float(of_sample.delay) == 20.0
     with pytest.raises(mrjax.InputError, match="the model closed-form is rigid"):
         closed_form(sample, of_sample)
+
+
+def test_a_bed_may_be_that_of_particles(tmp_path, monkeypatch):
+    calls = []
+
+    def simulated(recipe):
+        calls.append(recipe.name)
+        law = mrjax.Compression(gel_fraction=0.25, stress=3.0, exponent=7.0)
+        return SimpleNamespace(compression=law)
+
+    monkeypatch.setattr(mrjax, "compressive_yield", simulated)
+    monkeypatch.setattr(particle_network, "_known", {})
+    for _ in range(2):
+        (sample,) = experiment(tmp_path, 'compression = "particles"', "f_s").samples
+    assert sample.tube == {
+        "compression.gel_fraction": 0.25, "compression.stress": 3.0, "compression.exponent": 7.0,
+    }  # fmt: skip
+    assert calls == ["slurry"]  # once for each recipe
+
+
+def test_a_bed_of_particles_without_attraction_is_refused(tmp_path):
+    with pytest.raises(mrjax.InputError, match=r"sample 'A': compression: .*no attraction"):
+        experiment(tmp_path, 'compression = "particles"', "f_s")
 
 
 @pytest.mark.parametrize(
