@@ -17,7 +17,7 @@ from hypothesis.extra import numpy as arrays
 from mrjax import Box
 from mrjax.dem import neighbours
 from mrjax.dem.neighbours import CELLS_OVERFULL, PAIRS_DROPPED, ListPlan
-from mrjax.simulation.disperse import _spread
+from mrjax.simulation.disperse import spread
 
 build = jax.jit(neighbours.build, static_argnames=("plan", "box"))
 
@@ -140,7 +140,7 @@ def dense_bed():
     """A relaxed random packing, pressed to a volume fraction of 0.6."""
     box = Box((9.0, 9.0, 13.0), (True, True, True))
     particles = int(0.45 * box.volume / (4 / 3 * np.pi))
-    position = _spread(jax.random.key(3), box, jnp.ones(particles))
+    position = spread(jax.random.key(3), box, jnp.ones(particles))
     assert position is not None
     pressed = (0.45 / 0.6) ** (1 / 3)
     return box.scaled(pressed), position * pressed
@@ -186,7 +186,7 @@ def test_the_densest_lattice_fits_in_the_list_as_planned(pressed):
 def test_particles_of_two_sizes_fit_in_the_list_as_planned():
     box = Box((9.0, 9.0, 14.0), (True, False, False))
     radius = np.where(np.arange(150) % 2, 1.0, 0.6)
-    position = _spread(jax.random.key(0), box, jnp.asarray(radius))
+    position = spread(jax.random.key(0), box, jnp.asarray(radius))
     assert position is not None
     check(neighbours.plan_list(box, 150, 2.0, 1.2, 0.2), box, position)
 
