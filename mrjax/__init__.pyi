@@ -44,6 +44,7 @@ from .dem.contact_list import coordination_number as coordination_number
 from .dem.contact_list import normal_forces as normal_forces
 from .dem.contact_network import contact_network as contact_network
 from .dem.forces.contact import Contact as Contact
+from .dem.forces.dipoles import Dipoles as Dipoles
 from .dem.forces.force import BodyForce as BodyForce
 from .dem.forces.force import PairForce as PairForce
 from .dem.forces.force import Particles as Particles
@@ -88,6 +89,7 @@ from .simulation.compressive_yield import compressive_yield as compressive_yield
 from .simulation.disperse import disperse as disperse
 from .simulation.ensemble import ensemble as ensemble
 from .simulation.follow import follow as follow
+from .simulation.magnetised import magnetised as magnetised
 from .simulation.options import RunOptions as RunOptions
 from .simulation.sedimentation import Sedimentation as Sedimentation
 from .simulation.sedimentation import sedimentation as sedimentation

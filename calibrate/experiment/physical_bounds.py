@@ -23,6 +23,7 @@ from mrjax.recipe.tables import (
     Contact,
     Drag,
     Fluid,
+    Magnetism,
     Particle,
 )
 
@@ -44,6 +45,9 @@ OF_SHEET: dict[str, tuple[type[Sheet], str]] = {
     "layer_thickness": (Attraction, "layer_thickness"),
     "wall_layer_thickness": (Attraction, "layer_thickness"),
     "attraction_range": (Attraction, "range"),
+    "remanence": (Magnetism, "remanence"),
+    "susceptibility": (Magnetism, "susceptibility"),
+    "saturation": (Magnetism, "saturation"),
     "added_mass": (Drag, "added_mass"),
     "gravity": (Recipe, "gravity"),
 }

@@ -81,6 +81,8 @@ class State:
     contact_diameter: float | None = field(default=None, metadata={"static": True})
     """Largest distance of centres at which two particles touch, m. It fixes the reach of the
     neighbour list if the parameters are traced. None: it is read from concrete parameters."""
+    memory: dict[str, Array] = field(default_factory=dict)
+    """Values that forces remember of each particle, by name: (N, 3) vectors or (N,) numbers, SI."""
 
     @property
     def particles(self) -> int:

@@ -58,6 +58,7 @@ class Motion(NamedTuple):
     velocity: Array  # (3, N)
     spin: Array  # (3, N)
     history: History
+    memory: dict[str, Array]  # values that forces remember of each particle, (3, N) or (N,)
     overlap: Array  # deepest overlap of each particle so far, (N,)
     mode: ModeEstimate
     fault: Array  # bits of `Fault`, ()
@@ -119,6 +120,7 @@ class Steps(NamedTuple):
     velocity: Array  # (3, N)
     spin: Array  # (3, N)
     history: History
+    memory: dict[str, Array]  # in the middle of the step, (3, N) or (N,)
     deepest: Array  # deepest overlap of each pair so far in the interval, (P,)
     farthest: Array  # largest squared displacement of each particle so far, (N,)
 
@@ -151,6 +153,7 @@ class Engine:
         bodies = body_forces(matter.forces)
         self.steady = self._total_wrench([force for force in bodies if force.steady])
         self.unsteady_forces = [force for force in bodies if not force.steady]
+        self.remembering = [force for force in bodies if force.memory()]
         self.radius = per_particle(self.coated.radius, particles)
         self.listed_gap = settings.neighbour_list.cutoff - 2.0 * jnp.max(self.radius)
         self.skin_left = self.listed_gap - self.reach if self.reach else self.listed_gap
@@ -163,9 +166,20 @@ class Engine:
         return max(self.settings.reach, default=0.0)
 
     def begin(
-        self, position: Array, velocity: Array, spin: Array, history: ParticleHistory
+        self,
+        position: Array,
+        velocity: Array,
+        spin: Array,
+        history: ParticleHistory,
+        memory: dict[str, Array],
     ) -> Motion:
-        """Starts a motion from positions, velocities and spins, (3, N) each, and a history."""
+        """Starts a motion from positions, velocities and spins, (3, N) each, and what is known.
+
+        Args:
+          position, velocity, spin: motion of the particles.
+          history: contact history.
+          memory: values that forces remember of each particle, (3, N) or (N,).
+        """
         pairs, origin, travelled = self._list_at(position)
         return Motion(
             pairs,
@@ -174,6 +188,7 @@ class Engine:
             velocity,
             spin,
             pairs_from_particles(history, pairs),
+            memory,
             jnp.zeros(self.particles, self.dtype),
             stability.initial_estimate(self.particles, self.dtype),
             pairs.overflow,
@@ -197,6 +212,7 @@ class Engine:
             end.velocity,
             end.spin,
             end.history,
+            self._moved(end.memory, travelled + origin, end.velocity, end.spin, -0.5),
             jnp.maximum(motion.overlap, pairs.greatest(end.deepest)),
             mode,
             fault,
@@ -237,7 +253,7 @@ class Engine:
                 added, turned = at.falling + sums.force, sums.torque
                 torques = [self.steady.torque]
                 if self.unsteady_forces:
-                    moment = Particles(origin + half_way, velocity, now.spin)
+                    moment = Particles(origin + half_way, velocity, now.spin, now.memory)
                     unsteady = self._total_wrench(self.unsteady_forces, moment)
                     added += jnp.atleast_2d(at.gains[0]) * unsteady.force
                     torques.append(unsteady.torque)
@@ -252,7 +268,8 @@ class Engine:
             spin = integrator.kicked(now.spin, keep_spin, turned)
             square = lax.stop_gradient(_squares(half_way))
             farthest = jnp.maximum(now.farthest, jnp.where(checks_list, square, 0.0))
-            after = Steps(half_way, velocity, spin, sums.history, sums.deepest, farthest)
+            memory = self._moved(now.memory, origin + half_way, velocity, spin, 1.0)
+            after = Steps(half_way, velocity, spin, sums.history, memory, sums.deepest, farthest)
             return after, None
 
         half_way = integrator.drifted(motion.travelled, motion.velocity, 0.5)
@@ -261,6 +278,7 @@ class Engine:
             motion.velocity,
             motion.spin,
             motion.history,
+            self._moved(motion.memory, motion.position, motion.velocity, motion.spin, 0.5),
             jnp.zeros_like(motion.travelled, shape=self.settings.neighbour_list.pairs),
             lax.stop_gradient(_squares(half_way)),
         )
@@ -338,6 +356,22 @@ class Engine:
             sum(pushes[1:], pushes[0]) if pushes else nowhere,
             sum(torques[1:], torques[0]) if torques else None,
         )
+
+    def _moved(
+        self,
+        memory: dict[str, Array],
+        position: Array,
+        velocity: Array,
+        spin: Array,
+        time: float,
+    ) -> dict[str, Array]:
+        """Memory of each particle after a time at constant velocities and spins."""
+        after = dict(memory)
+        for force in self.remembering:
+            own = {name: memory[name] for name in force.memory()}
+            moment = Particles(position, velocity, spin, own)
+            after |= force.moved(self.matter.parameters, moment, time)
+        return after
 
     def _list_at(self, position: Array) -> tuple[Pairs, Array, Array]:
         """Returns the pair list at these positions, the positions, and displacements of zero.

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.typing import ArrayLike
 
 from mrjax.core.box import LARGEST
 from mrjax.core.errors import InputError
@@ -64,6 +65,11 @@ def force_bounds(system: System, numbers: Parameters, reach: tuple[float, ...]) 
         known = drop_tracers(body_force), numbers, drop_tracers(system.state)
         fastest = evaluated_or_none(_of_bodies, *known)
         acceleration += 0.0 if fastest is None else float(fastest)
+        touching = evaluated_or_none(_of_touching, *known[:2])
+        if touching is not None:
+            stiffness += float(touching[0])
+            pair_force += float(touching[1])
+            acceleration += float(touching[2])
     return ForceBounds(stiffness, pair_force, acceleration)
 
 
@@ -119,9 +125,16 @@ def _of_pair(
 
 def _of_bodies(force: BodyForce, numbers: Parameters, state: State) -> Array:
     """Largest acceleration by a body force at the start."""
-    particles = Particles(state.position.T, state.velocity.T, state.spin.T)
+    memory = {name: rows.T for name, rows in state.memory.items()}
+    particles = Particles(state.position.T, state.velocity.T, state.spin.T, memory)
     pushed = jnp.asarray(force(numbers, particles).force)
     return jnp.max(jnp.sqrt(jnp.sum(pushed**2, axis=0)) / particle.inertia(numbers))
+
+
+def _of_touching(force: BodyForce, numbers: Parameters) -> tuple[ArrayLike, ArrayLike, ArrayLike]:
+    """Bounds on stiffness, N/m, and force, N, of two touching particles, and its acceleration."""
+    stiffness, pair_force = force.between_surfaces(numbers)
+    return stiffness, pair_force, pair_force / jnp.min(particle.inertia(numbers))
 
 
 def plan_reach(system: System, numbers: Parameters) -> tuple[float, ...]:

@@ -50,7 +50,7 @@ class System(NamedTuple):
         checks.require_run_inputs(state, parameters, box)
         refuse_partial(hindrance)
         yield_stress.refuse_particles(parameters)
-        active = active_forces(forces, parameters)
+        active = tuple(force.within(box) for force in active_forces(forces, parameters))
         return System(state, with_gravity_of(active, parameters), as_tree(hindrance), box, active)
 
     @property

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -9,13 +10,14 @@ import numpy as np
 from jax import Array
 
 from mrjax.core.parameters import Parameters, per_particle
+from mrjax.core.quantities import dimension
 from mrjax.core.run import Run
 from mrjax.core.state import State
 from mrjax.core.units import Units
 from mrjax.dem import contact_history
 from mrjax.dem.contact_history import ParticleHistory, Remembered
 from mrjax.dem.engine import Motion, Observed, Outcome
-from mrjax.dem.forces import Force
+from mrjax.dem.forces import Force, particle_memory
 from mrjax.dem.forces.si import in_reduced_units
 from mrjax.dem.pair_forces import memory_of
 from mrjax.dem.plan import Matter, RunPlan, System
@@ -48,6 +50,32 @@ def reduced_state(
     )
 
 
+def reduced_memory(state: State, units: Units, forces: Sequence[Force]) -> dict[str, Array]:
+    """Converts the values that forces remember of each particle; (3, N) or (N,), by name.
+
+    Values that the state does not have are zero; values that no force remembers are left out.
+    """
+
+    def rows(name: str, kind: Remembered) -> Array:
+        if name in state.memory:
+            return state.memory[name].T * (1.0 / units.scale(dimension(kind.unit)))
+        shape = (state.particles,) if kind.size == 1 else (kind.size, state.particles)
+        return jnp.zeros(shape, state.position.dtype)
+
+    return {name: rows(name, kind) for name, kind in particle_memory(forces).items()}
+
+
+def memory_in_si(
+    memory: Mapping[str, Array], nan_if_faulty: Array, units: Units, forces: Sequence[Force]
+) -> dict[str, Array]:
+    """Converts the values that forces remember of each particle; (N, 3) or (N,), by name."""
+    kinds = particle_memory(forces)
+    return {
+        name: nan_if_faulty * units.scale(dimension(kinds[name].unit)) * rows.T
+        for name, rows in memory.items()
+    }
+
+
 def reduced_parameters(parameters: Parameters, units: Units, state: State) -> Parameters:
     """Converts parameters to reduced units and to the dtype of the state."""
     return parameters.reduced(units).astype(state.position.dtype)
@@ -61,20 +89,20 @@ def reduced_forces(forces: Sequence[Force], units: Units, state: State) -> tuple
     )
 
 
-def reduced(
-    system: System, plan: RunPlan
-) -> tuple[tuple[Array, Array, Array, ParticleHistory], Matter]:
+def reduced(system: System, plan: RunPlan) -> tuple[tuple[Any, ...], Matter]:
     """Converts a system to reduced units.
 
     Returns:
-      the initial state, as from `reduced_state`, and the parameters and forces of the run.
+      the initial state, as from `reduced_state` and `reduced_memory`, and the parameters and forces
+      of the run.
     """
     slots = plan.neighbour_list.capacity + 2 * len(system.box.walled_axes)
     parameters = reduced_parameters(system.parameters, plan.units, system.state)
     forces = reduced_forces(plan.forces(system), plan.units, system.state)
     matter = Matter(parameters, system.state.material, system.hindrance, forces)
     begin = reduced_state(system.state, plan.units, slots, memory_of(matter.forces))
-    return begin, matter
+    memory = reduced_memory(system.state, plan.units, matter.forces)
+    return (*begin, memory), matter
 
 
 def run_in_si(
@@ -109,6 +137,7 @@ def run_in_si(
             memory=memory_of(matter.forces),
             units=units,
         ),
+        memory=memory_in_si(end.memory, nan_if_faulty, units, matter.forces),
     )
     radius = particle.outer_radius(matter.parameters)
     times = np.linspace(0.0, plan.duration, plan.schedule.frames + 1)

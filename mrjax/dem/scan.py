@@ -59,6 +59,7 @@ def _scan(
     velocity: Array,
     spin: Array,
     history: ParticleHistory,
+    memory: dict[str, Array],
     matter: Matter,
     *,
     settings: EngineSettings,
@@ -75,7 +76,7 @@ def _scan(
         motion, _ = lax.scan(interval, motion, length=schedule.intervals)
         return motion, engine.observed(motion)
 
-    start = engine.begin(position, velocity, spin, history)
+    start = engine.begin(position, velocity, spin, history, memory)
     # Reverse mode stores the start of every interval if memory allows, else that of every frame.
     bytes_of_start = sum(leaf.nbytes for leaf in jax.tree.leaves(start))
     stored = schedule.frames * schedule.intervals * bytes_of_start
@@ -97,13 +98,14 @@ def begin(
     velocity: Array,
     spin: Array,
     history: ParticleHistory,
+    memory: dict[str, Array],
     matter: Matter,
     *,
     settings: EngineSettings,
 ) -> tuple[Motion, Observed]:
     """Starts a motion and evaluates its observables, in reduced units; arguments (3, N) each."""
     engine = Engine(matter, settings, position.shape[1], position.dtype)
-    motion = engine.begin(position, velocity, spin, history)
+    motion = engine.begin(position, velocity, spin, history, memory)
     return motion, engine.observed(motion)
 
 

@@ -46,6 +46,7 @@ def permute_state(state: State, order: Array) -> State:
     moved = {name: getattr(state, name)[order] for name in ("position", "velocity", "spin")}
     if state.material is not None:
         moved["material"] = state.material[order]
+    moved["memory"] = {name: rows[order] for name, rows in state.memory.items()}
     if state.contacts is not None:
         place = jnp.argsort(order).astype(state.contacts.partner.dtype)
         rows: ContactHistory = jax.tree.map(lambda leaf: leaf[order], state.contacts)

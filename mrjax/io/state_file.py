@@ -1,4 +1,4 @@
-"""A state on disk: positions, velocities, spins and contact history."""
+"""A state on disk: positions, velocities, spins, and what contacts and particles remember."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -25,6 +25,8 @@ class Metadata(Strict):
 
 VECTOR, NUMBER = "contact_vector_", "contact_number_"
 """Beginnings of the names of what further forces remember; in SI."""
+OWN_VECTOR, OWN_NUMBER = "particle_vector_", "particle_number_"
+"""Beginnings of the names of what forces remember of each particle; in SI."""
 VECTORS = npz.Numbers(("N", 3))
 MEMORY = npz.Numbers(("N", "S", 3), optional=True, needs="contact_partner")
 ARRAYS = {
@@ -37,6 +39,8 @@ ARRAYS = {
     "contact_rolling_rad": MEMORY,
     f"{VECTOR}*": MEMORY,
     f"{NUMBER}*": npz.Numbers(("N", "S"), optional=True, needs="contact_partner"),
+    f"{OWN_VECTOR}*": npz.Numbers(("N", 3), optional=True),
+    f"{OWN_NUMBER}*": npz.Numbers(("N",), optional=True),
 }
 """Requirements on the arrays of a state of N particles with S contact slots each, by name."""
 SCHEMA = npz.Schema("a file that save_state wrote", Metadata, ARRAYS, least={"S": 0})
@@ -106,6 +110,9 @@ def arrays(state: State) -> dict[str, np.ndarray]:
         for name, rows in state.contacts.named.items():
             vector = rows.ndim > state.contacts.partner.ndim
             by_name[f"{VECTOR if vector else NUMBER}{name}"] = rows
+    for name, rows in state.memory.items():
+        vector = rows.ndim == state.position.ndim
+        by_name[f"{OWN_VECTOR if vector else OWN_NUMBER}{name}"] = rows
     return {name: np.asarray(array) for name, array in by_name.items() if array is not None}
 
 
@@ -115,18 +122,21 @@ def to_state(stored: Mapping[str, np.ndarray], contact_diameter: float | None) -
     def optional(name: str) -> Array | None:
         return jnp.asarray(stored[name]) if name in stored else None
 
+    def named(*kinds: str) -> dict[str, Array]:
+        return {
+            name.removeprefix(kind): jnp.asarray(rows)
+            for kind in kinds
+            for name, rows in stored.items()
+            if name.startswith(kind)
+        }
+
     contacts = None
     if "contact_partner" in stored:
         contacts = ContactHistory(
             jnp.asarray(stored["contact_partner"]),
             optional("contact_sliding_m"),
             optional("contact_rolling_rad"),
-            {
-                name.removeprefix(kind): jnp.asarray(rows)
-                for kind in (VECTOR, NUMBER)
-                for name, rows in stored.items()
-                if name.startswith(kind)
-            },
+            named(VECTOR, NUMBER),
         )
     return State(
         position=jnp.asarray(stored["position_m"]),
@@ -135,4 +145,5 @@ def to_state(stored: Mapping[str, np.ndarray], contact_diameter: float | None) -
         contacts=contacts,
         material=optional("material"),
         contact_diameter=contact_diameter,
+        memory=named(OWN_VECTOR, OWN_NUMBER),
     )

@@ -81,7 +81,7 @@ def field_strength(parameters: Parameters) -> Array:
     return jnp.where(square > 0.0, jnp.sqrt(jnp.where(square > 0.0, square, 1.0)), 0.0)
 
 
-def magnetization(parameters: Parameters) -> Array:
+def magnetisation(parameters: Parameters) -> Array:
     """Magnetisation of a particle alone: remanence and what the field induces; A/m, () or (N,).
 
     Remanence is taken to point along the field.
@@ -99,7 +99,7 @@ def magnetization(parameters: Parameters) -> Array:
 
 def touching_pull(
     parameters: Parameters,
-    magnetization: ArrayLike,
+    magnetisation: ArrayLike,
     permeability: ArrayLike = VACUUM_PERMEABILITY,
 ) -> Array:
     """Pull 3 mu_0 m^2 / (2 pi d^4) of two touching particles in line; N, () or (N,).
@@ -108,10 +108,10 @@ def touching_pull(
 
     Args:
       parameters: particles; d is the coated diameter, and m = V M of the uncoated volume.
-      magnetization: M, A/m, () or (N,).
+      magnetisation: M, A/m, () or (N,).
       permeability: mu_0, N/A^2.
     """
-    moment = particle.core_volume(parameters) * magnetization
+    moment = particle.core_volume(parameters) * magnetisation
     ratio = moment / (2.0 * particle.outer_radius(parameters)) ** 2
     return 1.5 / jnp.pi * permeability * ratio * ratio
 
@@ -130,7 +130,7 @@ def magnetic_bond_number(parameters: Parameters) -> Array:
       >>> print(f"{mrjax.magnetic_bond_number(iron):.2g}")
       11
     """
-    pull = touching_pull(parameters, magnetization(parameters))
+    pull = touching_pull(parameters, magnetisation(parameters))
     return pull / jnp.abs(particle.net_weight(parameters))
 
 
@@ -149,11 +149,11 @@ def dipolar_coupling(parameters: Parameters, temperature: ArrayLike = ROOM) -> A
       3.9e+03
     """
     diameter = 2.0 * particle.outer_radius(parameters)
-    pull = touching_pull(parameters, magnetization(parameters))
+    pull = touching_pull(parameters, magnetisation(parameters))
     return pull * diameter / (6.0 * BOLTZMANN * temperature)
 
 
-def largest_magnetization(parameters: Parameters) -> Array:
+def largest_magnetisation(parameters: Parameters) -> Array:
     """Upper bound on the magnetisation of a particle among others; A/m, () or (N,).
 
     It is that in a long chain along the field, (M_r + 3 beta H_0) / (1 - beta zeta(3) / 2), and at
@@ -163,13 +163,37 @@ def largest_magnetization(parameters: Parameters) -> Array:
       parameters: physical parameters, in any coherent system of units.
     """
     if parameters.susceptibility is None:
-        return magnetization(parameters)
-    linear = magnetization(parameters.replace(saturation=None))
+        return magnetisation(parameters)
+    linear = magnetisation(parameters.replace(saturation=None))
     linear = linear / (1.0 - 0.5 * CHAIN * contrast(parameters.susceptibility))
     if parameters.saturation is None:
         return linear
     remanence = 0.0 if parameters.remanence is None else parameters.remanence
     return jnp.minimum(linear, remanence + parameters.saturation)
+
+
+def largest_stiffness(
+    parameters: Parameters, permeability: ArrayLike = VACUUM_PERMEABILITY
+) -> Array:
+    """Upper bound on the stiffness of magnetic forces and torques, N/m, ().
+
+    It is the slope 4 F / d of the pull of a chain. The torque mu_0 m_r H resists rotation, which
+    vibrates and relaxes as displacement with a stiffness of at most 5/4 mu_0 m_r H / R^2 would: two
+    of it act on a particle. H is the field of a long chain.
+
+    Args:
+      parameters: physical parameters, in any coherent system of units.
+      permeability: mu_0, N/A^2.
+    """
+    radius, largest = particle.outer_radius(parameters), largest_magnetisation(parameters)
+    stiffness = 2.0 * CHAIN * touching_pull(parameters, largest, permeability) / radius
+    if parameters.remanence is not None:
+        volume = particle.core_volume(parameters)
+        of_chain = CHAIN * volume * largest / (2.0 * jnp.pi * (2.0 * radius) ** 3)
+        field = field_strength(parameters) + 2.0 * of_chain
+        torque = permeability * volume * jnp.asarray(parameters.remanence) * field
+        stiffness = stiffness + 1.25 * torque / radius**2
+    return jnp.max(stiffness)
 
 
 def largest_pull(parameters: Parameters, permeability: ArrayLike = VACUUM_PERMEABILITY) -> Array:
@@ -179,5 +203,5 @@ def largest_pull(parameters: Parameters, permeability: ArrayLike = VACUUM_PERMEA
       parameters: physical parameters, in any coherent system of units.
       permeability: mu_0, N/A^2.
     """
-    pull = touching_pull(parameters, largest_magnetization(parameters), permeability)
+    pull = touching_pull(parameters, largest_magnetisation(parameters), permeability)
     return CHAIN * jnp.max(pull)

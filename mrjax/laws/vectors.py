@@ -1,5 +1,6 @@
 """Vectors as three component arrays, x, y and z, which is the layout of the kernel."""
 
+import math
 from collections.abc import Sequence
 
 import jax.numpy as jnp
@@ -49,3 +50,40 @@ def clip_factor(vector: Vector, longest: Array) -> Array:
     safe = jnp.where(size > 0.0, jnp.maximum(square, limit**2), 1.0)
     shortened = limit / jnp.sqrt(safe)
     return jnp.where(longer, shortened, jnp.where(longest > 0.0, 1.0, 0.0))
+
+
+def rotated(vectors: Array, angle: Array) -> Array:
+    """Unit vectors after a rotation by the length of an angle about its direction; (3, N).
+
+    The formula of Rodrigues, u cos a + (a x u) sin a / a + a (a.u) (1 - cos a) / a^2, is exact. One
+    step of Newton's method keeps the length at 1 in spite of rounding.
+
+    Args:
+      vectors: unit vectors u, (3, N).
+      angle: vectors of rotation, rad, (3, N).
+    """
+    square = dot(angle, angle)
+    sine, versine = _over_angle(square)
+    turned = times(1.0 - square * versine, vectors)
+    turned = plus(turned, sine, cross(angle, vectors))
+    turned = plus(turned, versine * dot(angle, vectors), angle)
+    return jnp.stack(list(times(1.5 - 0.5 * dot(turned, turned), turned)))
+
+
+SMALL_ANGLE = 0.1
+"""Square of an angle, rad^2, below which a series is exact to rounding and has all derivatives."""
+
+
+def _over_angle(square: Array) -> tuple[Array, Array]:
+    """Returns sin a / a and (1 - cos a) / a^2 of the square of an angle."""
+    small = square < SMALL_ANGLE
+    angle = jnp.sqrt(jnp.where(small, 1.0, square))
+    sine, versine = jnp.zeros_like(square), jnp.zeros_like(square)
+    near = jnp.where(small, square, 0.0)
+    for order in range(7, -1, -1):
+        sine = 1.0 / math.factorial(2 * order + 1) - near * sine
+        versine = 1.0 / math.factorial(2 * order + 2) - near * versine
+    return (
+        jnp.where(small, sine, jnp.sin(angle) / angle),
+        jnp.where(small, versine, (1.0 - jnp.cos(angle)) / angle**2),
+    )

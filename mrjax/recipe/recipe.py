@@ -21,7 +21,7 @@ from mrjax.recipe import assumptions, contacts, plausibility, sheets, size_class
 from mrjax.recipe.sheets import Sheet
 from mrjax.recipe.size_classes import SizeClasses
 from mrjax.recipe.suspension import Suspension
-from mrjax.recipe.tables import MODULI, Wall
+from mrjax.recipe.tables import MODULI, Magnetism, Wall
 
 
 class Recipe(Suspension):
@@ -124,6 +124,7 @@ class Recipe(Suspension):
             layer_thickness=attraction.layer_thickness if attraction else None,
             wall_layer_thickness=wall.layer_thickness if attraction else None,
             attraction_range=attraction.range if attraction else None,
+            **_magnetic(self.magnetism),
             gravity=self.gravity,
             added_mass=self.drag.added_mass,
             # Without a coating, a layer that f_r adds consists of fluid.
@@ -171,6 +172,12 @@ class Recipe(Suspension):
         else:
             self.assume(box=assumptions.box(self))
         return self
+
+
+def _magnetic(table: Magnetism | None) -> dict[str, Any]:
+    """The leaves of magnetism that the sheet states; the others are None."""
+    stated = {} if table is None else table.stated
+    return {name: np.asarray(value, float) for name, value in stated.items()}
 
 
 def _value_or(value: float | None, default: float) -> float:

@@ -15,7 +15,7 @@ from mrjax.laws.hindrance import Hindrance
 from mrjax.recipe import closures, tables
 from mrjax.recipe.composition import Composition, Phases
 from mrjax.recipe.sheets import UNSTATED, Name, Sheet
-from mrjax.recipe.tables import Attraction, Coating, Contact, Drag, Fluid, Particle, Wall
+from mrjax.recipe.tables import Attraction, Coating, Contact, Drag, Fluid, Magnetism, Particle, Wall
 
 MOST_PARTICLES = 10**7
 """Largest number of particles; a larger one means that a box in micrometres was given in metres."""
@@ -35,6 +35,7 @@ class Suspension(Sheet):
     drag: Drag = Field(default=Drag(), description="a table [drag]")
     contact: Contact = Field(default=Contact(), description="a table [contact]")
     attraction: Attraction | None = Field(default=None, description="a table [attraction]")
+    magnetism: Magnetism | None = Field(default=None, description="a table [magnetism]")
     box: Annotated[Box, BeforeValidator(tables.box)] = Field(
         default=UNSTATED, description="a table [box] with size in m"
     )

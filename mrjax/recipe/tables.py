@@ -17,6 +17,8 @@ LEAST_FACTOR, LARGEST_FACTOR = 1e-6, 1e9
 """Bounds of a drag factor."""
 LARGEST_HAMAKER = 1e-16
 """Bound in J, hundreds of times that of metals; a larger number was given in another unit."""
+LARGEST_MAGNETISATION = 1e7
+"""Bound in A/m of magnetisations and fields; a larger number was given in another unit."""
 MODULI = ("elastic_modulus", "poisson_ratio")
 """Keys of a solid that only contacts use."""
 
@@ -250,6 +252,64 @@ class Attraction(Sheet):
     range: float | None = Field(
         default=None, ge=0, le=1, description="the range of the attraction in radii, 0 to 1"
     )
+
+
+class Magnetism(Sheet):
+    """Remanent moments of the particles, and a uniform field that induces others."""
+
+    remanence: float | None = Field(
+        default=None,
+        ge=0,
+        le=LARGEST_MAGNETISATION,
+        description="the remanence of a particle in A/m, at least 0: 1 emu/cm^3 is 1e3",
+    )
+    field: list[float] | None = Field(
+        default=None, description="three components of the field in A/m: 1 Oe is 79.6"
+    )
+    susceptibility: float | None = Field(
+        default=None, ge=0, le=1e7, description="the susceptibility of the solid, at least 0"
+    )
+    saturation: float | None = Field(
+        default=None,
+        gt=0,
+        le=LARGEST_MAGNETISATION,
+        description="the saturation magnetisation of the solid in A/m, above zero: iron has 1.7e6",
+    )
+
+    @field_validator("field")
+    @classmethod
+    def _three_components(cls, value: list[float] | None) -> list[float] | None:
+        if value is not None and (
+            len(value) != 3 or not max(map(abs, value)) <= LARGEST_MAGNETISATION
+        ):
+            raise ValueError(
+                f"magnetism.field = {shown(value)}: must be three components in A/m, at most "
+                f"{LARGEST_MAGNETISATION:g} in size; 1 T in air is 7.96e5"
+            )
+        return value
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        if self.remanence is None and self.field is None:
+            raise ValueError(
+                "magnetism.remanence is missing; give it in A/m, or a field and a susceptibility"
+            )
+        if self.field is not None and not self.remanence and self.susceptibility is None:
+            raise ValueError(
+                "magnetism.susceptibility is missing, without which the field does nothing; give "
+                "that of the solid, or a remanence in A/m"
+            )
+        if self.saturation is not None and self.susceptibility is None:
+            raise ValueError(
+                f"magnetism.saturation = {self.saturation}: needs susceptibility; give it, or "
+                "remove the key"
+            )
+        if self.saturation is not None and (self.remanence or 0.0) > self.saturation:
+            raise ValueError(
+                f"magnetism.remanence = {self.remanence}: is above the saturation of "
+                f"{self.saturation:g} A/m; give less"
+            )
+        return self
 
 
 def box(table: Any) -> Box:

@@ -15,7 +15,7 @@ from mrjax.core.units import MM_PER_DAY
 from mrjax.laws import closed_forms, dimensionless, drag, time_scales, yield_stress
 from mrjax.laws.closures import brzinski_durian
 from mrjax.laws.closures.richardson_zaki import RICHARDSON_ZAKI_EXPONENT
-from mrjax.recipe import attraction_notes, carrier, contacts
+from mrjax.recipe import attraction_notes, carrier, contacts, magnetism_notes
 from mrjax.recipe.recipe import Recipe
 from mrjax.simulation import estimates
 from mrjax.simulation.overlap import OVERLAP
@@ -62,8 +62,9 @@ def notes(
     """Remarks on assumptions, and on what matters in a suspension.
 
     They are assumed and inconsistent values, quantities that `derived` leaves out, the branch of
-    hindered settling, what moves in a fluid with a yield stress, whether particles stick, and the
-    layers of a tube, and whether its suspension stands without settling.
+    hindered settling, what moves in a fluid with a yield stress, whether particles stick or attract
+    each other magnetically, the layers of a tube, and whether its suspension stands without
+    settling.
 
     Args:
       recipe: the lab sheet.
@@ -77,6 +78,8 @@ def notes(
     sheet = recipe.attraction
     stated = () if sheet is None else (sheet.hamaker, sheet.stated.get("layer_thickness"))
     sticking = attraction_notes.notes(recipe.parameters(), *stated)
+    magnetic = magnetism_notes.notes(recipe.parameters(), recipe.temperature, recipe.particle_count)
+    sticking = [*sticking, *magnetic]
     assumed = [*recipe.notes, *recipe.contact_notes, *omissions]
     tube = [*_layers(recipe, tube_height), *_standing(recipe, tube_height, compression)]
     return [*assumed, *sticking, *tube, branch_note(recipe), *moving]

@@ -21,10 +21,12 @@ from mrjax.core.errors import InputError
 from mrjax.core.promotion import relaxed_promotion
 from mrjax.core.state import State, place
 from mrjax.dem import neighbours
+from mrjax.dem.forces.dipoles import has_remanence
 from mrjax.dem.neighbours import ListPlan, Neighbours
 from mrjax.laws import particle
 from mrjax.recipe import contacts
 from mrjax.recipe.recipe import Recipe
+from mrjax.simulation.magnetised import magnetised
 
 CLEARANCE = 0.005
 """Relative excess of the soft spheres' radii over the particles'."""
@@ -36,6 +38,8 @@ SKIN = 1.0
 
 def disperse(recipe: Recipe, seed: int = 0, *, dtype: DTypeLike = float) -> State:
     """The suspension of a recipe, well mixed and at rest; N follows from the composition.
+
+    Remanent moments, if the recipe has a remanence, have random directions (`mrjax.magnetised`).
 
     On one machine, a seed gives the same suspension with every random generator of JAX.
 
@@ -67,7 +71,8 @@ def disperse(recipe: Recipe, seed: int = 0, *, dtype: DTypeLike = float) -> Stat
             f"a box of {size} um (volume fraction {recipe.coated_volume_fraction:.3f}); use a "
             "larger box or fewer particles"
         )
-    return place(position * unit, contact_diameter=2 * unit, dtype=dtype)
+    state = place(position * unit, contact_diameter=2 * unit, dtype=dtype)
+    return magnetised(state, seed=seed) if has_remanence(parameters) else state
 
 
 def spread(key: Array, box: Box, radius: np.ndarray) -> np.ndarray | None:

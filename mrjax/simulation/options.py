@@ -31,7 +31,8 @@ class RunOptions:
         (`mrjax.laws.hindrance`) in place of that of the parameters.
       forces: the forces on the particles, such as `[mrjax.Gravity(), mrjax.Contact()]` and forces
         of your own (`mrjax.PairForce`, `mrjax.BodyForce`); by default gravity, contact and,
-        where the parameters have a Hamaker constant, attraction. Drag is part of the integrator.
+        where the parameters have coefficients of them, attraction and magnetic dipoles. Drag is
+        part of the integrator.
       trajectory: whether to record all positions, velocities and spins (`Run.trajectory`).
       progress: whether to show a progress bar, on standard error (plain calls).
     """

@@ -48,6 +48,8 @@ def plan_run(
     checks.refuse_bad_parameters(
         parameters, state.particles, state.material, contacts=system.in_contact
     )
+    for force in system.forces:
+        force.refuse(state)
     checks.refuse_overflow(state)
     position, velocity = value_or_none(state.position), value_or_none(state.velocity)
     checks.refuse_outside(position, box)

@@ -3,10 +3,10 @@
 A 4 um iron particle at rest overlaps its neighbour by 1e-7 of its radius, and at that stiffness the
 settling of a 50 um box would take 1e12 steps. Without inertia the stiffness does not matter, as
 long as overlaps stay small. `softened` divides the moduli of particles and walls by one factor,
-chosen from the greatest overlap that is allowed. The load is that of the bed and the pull-off
-force. Attraction keeps its pull-off force and gets a range that the longer steps resolve.
-The dissipation of contacts is then negligible
-beside the drag, and is left out of the program.
+chosen from the greatest overlap that is allowed. The load is that of the bed with the pull-off
+force and the pull of magnetic chains. Attraction keeps its pull-off force and gets a range that the
+longer steps resolve. The dissipation of contacts is then negligible beside the drag, and is left
+out of the program.
 """
 
 from functools import partial
@@ -21,7 +21,8 @@ from mrjax.core.errors import InputError
 from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.core.parameters import Parameters, per_particle
 from mrjax.core.tracing import drop_tracers, evaluated_or_none
-from mrjax.laws import attraction, drag, particle, time_scales
+from mrjax.dem.forces.dipoles import is_magnetic
+from mrjax.laws import attraction, drag, magnetism, particle, time_scales
 from mrjax.simulation.overlap import MOST_OVERLAP
 
 FORCE_CHAINS = 4.5
@@ -50,7 +51,7 @@ def softened(parameters: Parameters, box: Box, particles: int, overlap: float) -
 
     Raises:
       InputError: the overlap is not between 0 and 0.1, nothing presses the particles onto each
-        other, neither a net weight nor attraction, or the parameters are traced.
+        other, neither a net weight nor attraction nor magnetism, or the parameters are traced.
 
     Example:
       >>> recipe = mrjax.Recipe.load("case2")
@@ -97,6 +98,8 @@ def _factor(numbers: Parameters, box: Box, particles: int, overlap: float) -> Ar
     largest = jnp.max(particle.outer_radius(numbers))
     attracts = numbers.hamaker is not None
     pull = jnp.maximum(*attraction.largest_pull_off(numbers)) if attracts else 0.0
+    if is_magnetic(numbers):
+        pull = pull + magnetism.largest_pull(numbers)
     expected = resting_overlap(numbers, box, particles, pull)
     # Hertz: the overlap under a load is proportional to E^(-2/3).
     return jnp.minimum(1.0, (expected / (overlap * largest)) ** 1.5)

@@ -109,13 +109,13 @@ def test_a_saturating_chain_obeys_the_law_inside_each_sphere(susceptibility, str
         rtol=0,
         atol=1e-9 * strength,
     )
-    magnetization = np.asarray(moment[2]) / VOLUME
-    inside = np.asarray(field[2]) - magnetization / 3.0
-    share = magnetization / saturation
+    magnetisation = np.asarray(moment[2]) / VOLUME
+    inside = np.asarray(field[2]) - magnetisation / 3.0
+    share = magnetisation / saturation
     assert np.all(share < 1.0)
     # Near saturation 1 - M / M_s and H_in have lost digits, relative to those of H.
     np.testing.assert_allclose(
-        magnetization * (1.0 + susceptibility * inside / saturation),
+        magnetisation * (1.0 + susceptibility * inside / saturation),
         susceptibility * inside,
         rtol=1e-8,
         atol=1e-13 * susceptibility * float(field.max()),

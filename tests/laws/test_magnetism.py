@@ -24,14 +24,14 @@ def iron(**changes):
 def test_the_magnetisation_obeys_the_law_of_froehlich_and_kennelly_inside(susceptibility, strength):
     """The law and its inverse; H_in of a good conductor is the small difference of H and M / 3."""
     saturation = 1.7e6
-    magnetization = strength * float(
+    magnetisation = strength * float(
         magnetism.secant_susceptibility(strength, susceptibility, saturation)
     )
-    inside = strength - magnetization / 3.0
+    inside = strength - magnetisation / 3.0
     expected = susceptibility * inside / (1.0 + susceptibility * inside / saturation)
     lost = 1e-15 * strength * susceptibility
-    assert magnetization == pytest.approx(expected, rel=1e-9, abs=lost)
-    assert magnetization <= saturation
+    assert magnetisation == pytest.approx(expected, rel=1e-9, abs=lost)
+    assert magnetisation <= saturation
 
 
 def test_a_weak_field_magnetises_by_three_beta_and_a_strong_one_saturates():
@@ -47,11 +47,11 @@ def test_a_weak_field_magnetises_by_three_beta_and_a_strong_one_saturates():
 @pytest.mark.parametrize("saturation", [None, 2.0])
 @pytest.mark.parametrize("strength", [1e-3, 0.7, 30.0])
 def test_the_tangent_is_the_slope_of_the_magnetisation(strength, saturation):
-    def magnetization(strength):
+    def magnetisation(strength):
         return strength * magnetism.secant_susceptibility(strength, 10.0, saturation)
 
     slope = magnetism.tangent_susceptibility(strength, 10.0, saturation)
-    assert float(slope) == near(float(jax.grad(magnetization)(strength)), rel=1e-12)
+    assert float(slope) == near(float(jax.grad(magnetisation)(strength)), rel=1e-12)
 
 
 @pytest.mark.parametrize("remanence, bond", [(300.0, 0.11), (1e3, 1.2), (3e3, 11.0), (1e4, 123.0)])
@@ -69,7 +69,7 @@ def test_the_field_adds_its_magnetisation_and_a_coating_keeps_moments_apart():
     field = jnp.array([0.0, 3e3, 4e3])
     bare = iron(remanence=1e3, field=field, susceptibility=6.0)
     total = 1e3 + 3.0 * (6.0 / 9.0) * 5e3
-    assert float(magnetism.magnetization(bare)) == near(total, rel=1e-12)
+    assert float(magnetism.magnetisation(bare)) == near(total, rel=1e-12)
     coated = bare.replace(f_r=1.5)
     pulls = [float(magnetism.touching_pull(one, total)) for one in (bare, coated)]
     assert pulls[1] == near(pulls[0] / 1.5**4, rel=1e-12)
@@ -88,7 +88,7 @@ def test_the_largest_magnetisation_is_that_of_a_long_chain_or_of_saturation(satu
     parameters = iron(field=field, susceptibility=1e9, saturation=saturation)
     chain = 3e5 * 2.506444
     expected = chain if saturation is None else saturation
-    assert float(magnetism.largest_magnetization(parameters)) == near(expected, rel=1e-6)
+    assert float(magnetism.largest_magnetisation(parameters)) == near(expected, rel=1e-6)
     pull = float(magnetism.largest_pull(parameters))
     touching = float(magnetism.touching_pull(parameters, expected))
     assert pull == near(1.2020569 * touching, rel=1e-6)

@@ -1,8 +1,8 @@
 """Forces on the particles, one file each; `force` has the base classes.
 
 Drag is linear in velocity and spin, and the integrator solves it exactly. The magnetic force of
-Eq. 1 (Son 2018) is left out, as in the paper; of the weak forces there is the attraction of
-surfaces.
+Eq. 1 (Son 2018) acts between dipoles; of the weak forces there is the attraction of surfaces. The
+simulations of the paper leave out both.
 """
 
 import importlib
@@ -13,7 +13,9 @@ from typing import Any
 
 from mrjax.core.errors import InputError, shown
 from mrjax.core.parameters import Parameters
+from mrjax.dem.contact_history import Remembered
 from mrjax.dem.forces.contact import ActiveLaws, Contact, active_laws, acts
+from mrjax.dem.forces.dipoles import Dipoles, is_magnetic
 from mrjax.dem.forces.force import (
     BodyForce,
     Force,
@@ -41,23 +43,29 @@ def body_forces(forces: Sequence[Force]) -> tuple[BodyForce, ...]:
     return tuple(force for force in forces if isinstance(force, BodyForce))
 
 
+def particle_memory(forces: Sequence[Force]) -> dict[str, Remembered]:
+    """Size and unit of each value that a particle remembers, by name, for all forces together."""
+    return {name: kind for force in body_forces(forces) for name, kind in force.memory().items()}
+
+
 def greatest_overlap(forces: Sequence[Force]) -> float:
     """Largest overlap for which all forces of a list are valid, in radii."""
     return min((force.greatest_overlap for force in pair_forces(forces)), default=math.inf)
 
 
 def bundled_forces(parameters: Parameters) -> tuple[Force, ...]:
-    """Returns gravity, contact and, unless its coefficient is known to be zero, attraction."""
+    """Returns gravity, contact and, unless it is known to be zero, attraction and magnetism."""
     attracts = parameters.hamaker is not None and acts(parameters.hamaker)
-    return (Gravity(), Contact(), *([VanDerWaals()] if attracts else []))
+    attraction = [VanDerWaals()] if attracts else []
+    return (Gravity(), Contact(), *attraction, *([Dipoles()] if is_magnetic(parameters) else []))
 
 
 def active_forces(forces: Sequence[Force] | None, parameters: Parameters) -> tuple[Force, ...]:
     """Returns the forces of a run, without the parts whose coefficients are known to be zero.
 
     Args:
-      forces: the list of forces; None for gravity, contact and, if the Hamaker constant is not
-        known to be zero, the attraction of surfaces.
+      forces: the list of forces; None for gravity, contact and, if they are not known to be zero,
+        the attraction of surfaces and magnetic dipoles.
       parameters: parameters of the run.
 
     Raises:
@@ -80,12 +88,13 @@ def active_forces(forces: Sequence[Force] | None, parameters: Parameters) -> tup
         active = tuple(
             force.attracted(law) if isinstance(force, Contact) else force for force in active
         )
-    names = Counter(name for force in pair_forces(active) for name in force.memory())
-    for name, times in names.items():
-        if times > 1:
-            raise InputError(
-                f"forces: {times} of them remember {name!r}; give each memory a name of its own"
-            )
+    for kind in (pair_forces(active), body_forces(active)):
+        names = Counter(name for force in kind for name in force.memory())
+        for name, times in names.items():
+            if times > 1:
+                raise InputError(
+                    f"forces: {times} of them remember {name!r}; give each memory a name of its own"
+                )
     return active
 
 
@@ -108,6 +117,7 @@ __all__ = [
     "ActiveLaws",
     "BodyForce",
     "Contact",
+    "Dipoles",
     "Force",
     "Gravity",
     "PairForce",
@@ -122,5 +132,6 @@ __all__ = [
     "greatest_overlap",
     "net_weight",
     "pair_forces",
+    "particle_memory",
     "with_gravity_of",
 ]

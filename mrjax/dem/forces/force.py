@@ -15,8 +15,10 @@ import jax.numpy as jnp
 from jax import Array
 from jax.typing import ArrayLike
 
+from mrjax.core.box import Box
 from mrjax.core.parameters import Parameters
 from mrjax.core.quantities import quantity, reduced
+from mrjax.core.state import State
 from mrjax.core.units import Units
 from mrjax.dem.contact_history import Remembered
 from mrjax.dem.kinematics import PairKinematics
@@ -66,6 +68,17 @@ class Force:
     def apart(self) -> Self:
         """Returns the force for a run in which no surfaces touch."""
         return self
+
+    def within(self, box: Box) -> Self:
+        """Returns the force for particles in this container."""
+        return self
+
+    def refuse(self, state: State) -> None:
+        """Refuses a state on which the force cannot act; traced values pass unchecked.
+
+        Raises:
+          InputError: there is a fault.
+        """
 
     def reduced(self, units: Units) -> Self:
         """Returns the force in the reduced units of a run, for a law that is not written in SI."""
@@ -180,6 +193,8 @@ class Particles(NamedTuple):
     """Velocities, m/s."""
     spin: Array
     """Angular velocities, rad/s."""
+    memory: Mapping[str, Array] = {}
+    """Values that forces remember of each particle, by name, (3, N) or (N,)."""
 
 
 class BodyForce(Force):
@@ -205,3 +220,27 @@ class BodyForce(Force):
           particles: positions, velocities and spins at this moment.
         """
         raise NotImplementedError(f"{type(self).__name__} has no law: define __call__")
+
+    def memory(self) -> dict[str, Remembered]:
+        """Size and unit of each value that a particle remembers, by name.
+
+        The values are in `Particles.memory`, and in `State.memory` between runs. They begin as
+        zeros if the state has none.
+        """
+        return {}
+
+    def moved(
+        self, parameters: Parameters, particles: Particles, time: float
+    ) -> Mapping[str, Array]:
+        """Returns the memory after a time in which velocities and spins are constant.
+
+        Args:
+          parameters: parameters of the run.
+          particles: particles, with the memory of this force before that time.
+          time: duration, s; negative for half a step back, at the end of an interval of a run.
+        """
+        return particles.memory
+
+    def between_surfaces(self, parameters: Parameters) -> tuple[ArrayLike, ArrayLike]:
+        """Upper bounds on stiffness, N/m, and force, N, of two touching particles; for the step."""
+        return 0.0, 0.0

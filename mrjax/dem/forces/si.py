@@ -1,5 +1,6 @@
 """Conversion of forces written in SI to the reduced units of a run."""
 
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from jax import Array
@@ -55,6 +56,15 @@ class Scales(NamedTuple):
         """Converts parameters to SI."""
         inverse = Units(1.0 / self.mass, 1.0 / self.length, 1.0 / self.time)
         return parameters.reduced(inverse)
+
+    def particles(self, particles: Particles) -> Particles:
+        """Converts positions, velocities and spins to SI; the memory is in SI."""
+        return Particles(
+            self.length * particles.position,
+            self.velocity * particles.velocity,
+            particles.spin / self.time,
+            particles.memory,
+        )
 
     def kinematics(self, pair: PairKinematics) -> PairKinematics:
         """Converts kinematics to SI."""
@@ -129,12 +139,20 @@ class ConvertedBodyForce(BodyForce):
     def __call__(self, parameters: Parameters, particles: Particles) -> Wrench:
         """Returns the force on every particle, in reduced units."""
         scales = self.scales
-        in_si = Particles(
-            scales.length * particles.position,
-            scales.velocity * particles.velocity,
-            particles.spin / scales.time,
-        )
+        in_si = scales.particles(particles)
         return _reduced(self.force(scales.parameters(parameters), in_si), scales)
+
+    def memory(self) -> dict[str, Remembered]:
+        """Memory of the wrapped force, marked as dimensionless so that it is not converted."""
+        return {name: kind._replace(unit="1") for name, kind in self.force.memory().items()}
+
+    def moved(
+        self, parameters: Parameters, particles: Particles, time: float
+    ) -> Mapping[str, Array]:
+        """Returns the memory of the wrapped force after a time in reduced units; in SI."""
+        scales = self.scales
+        in_si = scales.particles(particles)
+        return self.force.moved(scales.parameters(parameters), in_si, scales.time * time)
 
 
 def _reduced(wrench: Wrench, scales: Scales) -> Wrench:
