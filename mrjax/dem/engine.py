@@ -173,7 +173,7 @@ class Engine:
         history: ParticleHistory,
         memory: dict[str, Array],
     ) -> Motion:
-        """Starts a motion from positions, velocities and spins, (3, N) each, and what is known.
+        """Starts a motion from positions, velocities and spins, (3, N), and what is remembered.
 
         Args:
           position, velocity, spin: motion of the particles.

@@ -46,7 +46,7 @@ def notes(parameters: Parameters, temperature: float, particles: int = 0) -> lis
     if particles > SUITABLE:
         words.append(
             f"dipoles act on all pairs of {particles} particles, so that a step takes "
-            f"{(particles / SUITABLE) ** 2:.2g} times as long as with {SUITABLE}; a smaller box "
+            f"{(particles / SUITABLE) ** 2:.3g} times as long as with {SUITABLE}; a smaller box "
             "is faster"
         )
     return words

@@ -21,7 +21,6 @@ from mrjax.core.errors import InputError
 from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.core.parameters import Parameters, per_particle
 from mrjax.core.tracing import drop_tracers, evaluated_or_none
-from mrjax.dem.forces.dipoles import is_magnetic
 from mrjax.laws import attraction, drag, magnetism, particle, time_scales
 from mrjax.simulation.overlap import MOST_OVERLAP
 
@@ -98,8 +97,7 @@ def _factor(numbers: Parameters, box: Box, particles: int, overlap: float) -> Ar
     largest = jnp.max(particle.outer_radius(numbers))
     attracts = numbers.hamaker is not None
     pull = jnp.maximum(*attraction.largest_pull_off(numbers)) if attracts else 0.0
-    if is_magnetic(numbers):
-        pull = pull + magnetism.largest_pull(numbers)
+    pull = pull + magnetism.largest_pull(numbers)
     expected = resting_overlap(numbers, box, particles, pull)
     # Hertz: the overlap under a load is proportional to E^(-2/3).
     return jnp.minimum(1.0, (expected / (overlap * largest)) ** 1.5)
