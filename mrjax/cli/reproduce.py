@@ -19,9 +19,10 @@ if TYPE_CHECKING:
     help="""Recomputes every number and plot of Son (2018).
 
     Writes reproduce.json and reproduce.md, with the printed and computed numbers of Table 2 and of
-    the text. Each number is reproduced, corrected or not reproducible, with the reason. Also writes
-    the paper's figures 2 and 4 to 8 from these results. Takes a few minutes; --resume continues a
-    stopped command.
+    the text. Each number is reproduced, corrected or not reproducible, with the reason. Rows beyond
+    the paper have final ratios with attraction and rolling resistance, beside the measured ones.
+    Also writes the paper's figures 2 and 4 to 8 from these results. Takes some ten minutes;
+    --resume continues a stopped command.
 
     \b
     Example:
@@ -58,7 +59,7 @@ def reproduce(
     from mrjax.cli.resume import checkpointed
     from mrjax.io import files
     from mrjax.io.versions import versions
-    from mrjax.paper import row, runs, table
+    from mrjax.paper import beyond, row, runs, table
     from mrjax.paper.figures import paper_figures
 
     def report(text: str) -> None:
@@ -77,7 +78,8 @@ def reproduce(
             progress=not quiet,
             checkpoint=checkpoint / "settled",
         )
-        rows = table.rows(simulated)
+        beds = beyond.settled(seed, ensemble, report, checkpoint / "beyond", progress=not quiet)
+        rows = [*table.rows(simulated), *beyond.rows(beds)]
         text = _markdown(rows)
         figures = paper_figures(rows, simulated, settled)
         made_by = {"seed": seed, "dtype": dtype, "versions": versions()}

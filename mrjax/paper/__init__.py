@@ -4,7 +4,18 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
-    submodules=("case", "dry_beds", "eq_14", "figures", "row", "runs", "table", "table_2", "text"),
+    submodules=(
+        "beyond",
+        "case",
+        "dry_beds",
+        "eq_14",
+        "figures",
+        "row",
+        "runs",
+        "table",
+        "table_2",
+        "text",
+    ),
     submod_attrs={
         "dry_beds": ["INFERRED_FRICTION", "dropped"],
         "eq_14": ["HABERMAN_SAYRE_EXACT"],

@@ -8,7 +8,7 @@ from mrjax.core.text import with_error
 
 @dataclass(frozen=True)
 class Row:
-    """A printed number of the paper and the number computed here."""
+    """A printed or measured number and the number computed here."""
 
     case: str
     quantity: str
@@ -16,7 +16,7 @@ class Row:
     computed: float | None
     unit: str
     status: str
-    """`reproduced`, `corrected` or `not reproducible`."""
+    """`reproduced`, `corrected`, `not reproducible` or `beyond the paper`."""
     reason: str
     standard_error: float | None = None
     """Standard error of a computed number that is a mean of random starts."""

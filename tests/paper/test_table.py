@@ -15,13 +15,14 @@ import mrjax
 from mrjax.__main__ import cli
 from mrjax.io.files import write_json
 from mrjax.observables.interface import Asymptotes
-from mrjax.paper import figures, runs, table
+from mrjax.paper import beyond, figures, runs, table
 from mrjax.paper.dry_beds import INFERRED_FRICTION, dropped
 from mrjax.paper.eq_14 import HABERMAN_SAYRE_EXACT
 from mrjax.paper.row import as_tables
 from mrjax.paper.row import row as make_row
 from tests.builders.pages import REPRODUCTION, reproduced_rows
 
+BEYOND_ROWS = len(beyond.LAYERS) * len(beyond.ESTIMATES)
 near = partial(pytest.approx, rel=1e-6, abs=0.0)  # its own abs passes all within 1e-12
 
 
@@ -205,7 +206,8 @@ def test_the_command_writes_table_and_figures(paper_runs, tmp_path, monkeypatch)
     report = (tmp_path / "reproduce.md").read_text()
     written = json.loads((tmp_path / "reproduce.json").read_text())
     lines = re.findall(r"^\| (?:case\d|Eq\. 14) \|", report, flags=re.M)
-    assert len(lines) == len(written) == len(table.rows(paper_runs))
+    assert len(lines) == len(written) == len(table.rows(paper_runs)) + BEYOND_ROWS
+    assert report.count(beyond.BEYOND) == BEYOND_ROWS
     assert "not yet" not in report
     linked = re.findall(r"!\[Fig\. (\d)\]\((.+?)\)\n\nFig\. (\d)\. (.{40,})\n", report)
     assert [number for number, *_ in linked] == list("245678")

@@ -37,6 +37,8 @@ from calibrate.problem.beginnings import begin
 from calibrate.problem.problem import Problem
 
 HEIGHT, FRACTION, ERROR, READINGS = 0.3, 0.08, 1.0, 24
+FIRST, LAST = 0.03, 6.0
+"""Times of the first and the last reading, in times of a free fall."""
 LEAST_GAIN, MOST_GAIN = 25.0, 100.0
 LEAST_ERROR = 0.02
 """Noise in mm; values whose effects are seen only with less are drawn anew."""
@@ -93,7 +95,7 @@ def experiment() -> Experiment:
     """The tube with readings at stated times; their values are those of the plain model."""
     powder = recipe()
     fall = HEIGHT / float(mrjax.terminal_velocity(powder.parameters()))
-    times = tuple(float(t) for t in fall * np.geomspace(0.03, 6.0, READINGS))
+    times = tuple(float(t) for t in fall * np.geomspace(FIRST, LAST, READINGS))
     readings = tuple(
         Measurement("mudline", 1e3 * HEIGHT, ERROR, "mm", 1e-3, place) for place in range(READINGS)
     )
@@ -195,7 +197,7 @@ def drawn(chosen: Set) -> Drawn:
     problem, _ = problems(chosen.truth)
     error, gains = ERROR, dict[str, float]()
     for _ in range(TRIALS):
-        exact = measured_by(problem, _values(chosen, random))
+        exact = measured_by(problem, values(chosen, random))
         if not np.isfinite(exact).all():
             continue
         if not chosen.truth:
@@ -208,16 +210,16 @@ def drawn(chosen: Set) -> Drawn:
     return Drawn(exact + error * random.standard_normal(exact.size), error, gains)
 
 
-def _values(chosen: Set, random: np.random.Generator) -> dict[str, float]:
+def values(chosen: Set, random: np.random.Generator) -> dict[str, float]:
     """Values of all quantities, drawn from their ranges."""
-    fall = experiment().samples[0].times[-1] / 6.0
-    values = {"f_s": np.exp(random.normal(0.0, 0.3)), "bed_fraction": random.uniform(0.2, 0.5)}
+    fall = experiment().samples[0].times[-1] / LAST
+    drawn = {"f_s": np.exp(random.normal(0.0, 0.3)), "bed_fraction": random.uniform(0.2, 0.5)}
     for name, (low, high) in RANGES.items():
-        values[name] = float(np.exp(random.uniform(np.log(low), np.log(high))))
-    values["delay"] *= fall
+        drawn[name] = float(np.exp(random.uniform(np.log(low), np.log(high))))
+    drawn["delay"] *= fall
     if FLOCS in chosen.truth:
-        values["bed_fraction"] = min(values["bed_fraction"], 0.9 / values["f_w.floc_volume"])
-    return values
+        drawn["bed_fraction"] = min(drawn["bed_fraction"], 0.9 / drawn["f_w.floc_volume"])
+    return drawn
 
 
 def _least_squares_without(truth: frozenset[Effect], exact: np.ndarray) -> dict[str, float]:
