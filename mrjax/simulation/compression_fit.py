@@ -44,7 +44,7 @@ def fit_compression(
       least_stress: stress above which a point counts, Pa.
 
     Raises:
-      SimulationError: fewer than four points carry a stress.
+      SimulationError: fewer than four points carry a stress, or it does not grow as the law does.
     """
     starts = len(stresses)
     mean = stresses.mean(axis=0)
@@ -58,6 +58,11 @@ def fit_compression(
         )
     phi = fractions[fitted]
     values = _fitted(phi, mean[fitted])
+    if not 1.01 * FLATTEST < values[2] < 0.99 * STEEPEST:
+        raise SimulationError(
+            f"the stress does not grow as the law of a column does: its exponent would be "
+            f"{values[2]:.3g}; give more `particles` or `seeds`, or a wider range to `end`"
+        )
     covariance = np.full((3, 3), np.nan)
     if starts > 1:
         without = (np.delete(stresses, start, axis=0).mean(axis=0) for start in range(starts))

@@ -138,7 +138,7 @@ def compressive_yield(
 
     The attraction is that of DMT, with the range of the sheet or 0.03 radii.
 
-    Cost: about 330,000 time steps of 300 particles a start; 30 s each on one core, and 20 s to
+    Cost: about 330,000 time steps of 300 particles a start: some 35 s each of one core, and 20 s to
     compile. Starts run side by side on several cores. The call cannot be traced.
 
     Args:
@@ -238,8 +238,8 @@ def _compaction(
     stiff = sheet.parameters(dtype)
     pull_off, _ = _bond(stiff)
     soft = _softened(stiff, overlap, pull_off)
-    radius = np.asarray(evaluate_with_numpy(particle.outer_radius, soft), float)
-    radius = np.broadcast_to(radius, sheet.particle_count)
+    outer = np.asarray(evaluate_with_numpy(particle.outer_radius, soft))
+    radius = np.broadcast_to(outer, sheet.particle_count)
     side = float((4.0 / 3.0 * np.pi * np.sum(radius**3) / end) ** (1 / 3))
     steps = int(np.ceil(np.log(end / start) / np.log1p(strain)))
     deep = 2.0 * overlap * float(radius.max())

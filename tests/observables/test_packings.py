@@ -160,6 +160,8 @@ def test_a_sphere_on_the_floor_is_held_by_it_but_counts_no_neighbour():
     assert np.asarray(result.number).tolist() == [1, 1]
     assert float(result.rattlers) == 1.0  # the upper one hangs on one contact, then the lower too
     assert float(mrjax.coordination(network, least=1).rattlers) == 0.0
+    apart = by_hand(2, [0, 1], [2 + 4, 2 + 4])
+    assert mrjax.cluster_sizes(apart).tolist() == [1, 1]  # a common wall connects nothing
 
 
 def test_a_chain_has_its_contacts_along_its_axis():

@@ -54,6 +54,12 @@ def test_a_curve_without_stress_is_refused():
         fit_compression(PHI, np.zeros((2, 40)), 1e-3)
 
 
+def test_a_curve_that_does_not_grow_as_the_law_is_refused():
+    steps = np.where(PHI > 0.3, 1.0, 0.0) * (1.0 + 0.01 * PHI)
+    with pytest.raises(mrjax.SimulationError, match="does not grow as the law"):
+        fit_compression(PHI, np.stack([steps, steps]), 1e-3)
+
+
 def result(recipe, stress=2.0):
     """A result as of a measurement with this F_c / d^2."""
     return mrjax.CompressiveYield(
