@@ -144,7 +144,7 @@ def compressive_yield(
     Args:
       recipe: lab sheet with `[attraction]`; friction and rolling friction are its own.
       seeds: seeds of the random starts, one for each; two or more give standard errors.
-      particles: number of particles N, about; the stress of 1,000 is within its errors.
+      particles: number of particles N, about; the stress of 800 is the same within its errors.
       start: volume fraction of the start, of coated particles; 1.
       end: highest volume fraction; 1.
       strain: relative growth of the volume fraction in a step; 1.
