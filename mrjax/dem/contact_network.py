@@ -35,10 +35,10 @@ def contact_network(
 ) -> ContactNetwork:
     """All contacts of a state with their forces, attraction and friction included.
 
-    The forces between two surfaces count, those on single particles do not. The function works
-    under `jit` and `grad` if the state has a contact diameter; derivatives by the parameters are at
-    fixed positions. In a traced call the forces are NaN if the particles are packed too densely for
-    the neighbour list.
+    The forces between two surfaces count; those of all particles together, such as weight and
+    dipoles, do not. The function works under `jit` and `grad` if the state has a contact diameter;
+    derivatives by the parameters are at fixed positions. In a traced call the forces are NaN if the
+    particles are packed too densely for the neighbour list.
 
     Args:
       state: state of the particles; its contact history gives the tangential springs.

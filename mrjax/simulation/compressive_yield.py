@@ -136,7 +136,7 @@ def compressive_yield(
     load sigma d^2; after 20,000 time steps a step ends with up to thirty times of it. End: a cube,
     at `end`. The stress is that of contacts along z.
 
-    The attraction is that of DMT, with the range of the sheet or 0.03 radii.
+    The attraction is that of DMT, with the range of the sheet or 0.03 radii. Dipoles are left out.
 
     Cost: about 330,000 time steps of 300 particles a start: some 35 s each of one core, and 20 s to
     compile. Starts run side by side on several cores. The call cannot be traced.
