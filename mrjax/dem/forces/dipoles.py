@@ -105,7 +105,13 @@ class Dipoles(BodyForce):
     def moved(
         self, parameters: Parameters, particles: Particles, time: float
     ) -> Mapping[str, Array]:
-        """Returns the directions, turned by the spins; their length stays 1."""
+        """Returns the directions, turned by the spins; their length stays 1.
+
+        Args:
+          parameters: parameters of the run.
+          particles: particles, with their directions before that time.
+          time: duration, s; negative for half a step back.
+        """
         if not self.remanent:
             return particles.memory
         return {DIRECTION: rotated(particles.memory[DIRECTION], time * particles.spin)}
