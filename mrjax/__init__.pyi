@@ -43,9 +43,11 @@ from .dem.contact_list import contact_forces as contact_forces
 from .dem.contact_list import coordination_number as coordination_number
 from .dem.contact_list import normal_forces as normal_forces
 from .dem.contact_network import contact_network as contact_network
+from .dem.forces.brownian import Brownian as Brownian
 from .dem.forces.contact import Contact as Contact
 from .dem.forces.dipoles import Dipoles as Dipoles
 from .dem.forces.force import BodyForce as BodyForce
+from .dem.forces.force import Noise as Noise
 from .dem.forces.force import PairForce as PairForce
 from .dem.forces.force import Particles as Particles
 from .dem.forces.force import Wrench as Wrench

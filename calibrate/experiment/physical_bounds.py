@@ -48,6 +48,7 @@ OF_SHEET: dict[str, tuple[type[Sheet], str]] = {
     "remanence": (Magnetism, "remanence"),
     "susceptibility": (Magnetism, "susceptibility"),
     "saturation": (Magnetism, "saturation"),
+    "temperature": (Recipe, "temperature"),
     "added_mass": (Drag, "added_mass"),
     "gravity": (Recipe, "gravity"),
 }

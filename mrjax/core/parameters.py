@@ -87,8 +87,8 @@ class Parameters:
     contact need them. Without a fluid (`viscosity=0, gravity=0`) the same parameters describe a
     dry collision. `yield_stress`, `flow_index` and `yield_growth` are None in a Newtonian fluid;
     only terminal velocities and columns use them. `hamaker` and `layer_thickness` are None without
-    attraction. `remanence`, `field`, `susceptibility` and `saturation` are None without magnetism;
-    `field` is one vector, shape (3,).
+    attraction, and `temperature` is None without Brownian motion. `remanence`, `field`,
+    `susceptibility` and `saturation` are None without magnetism; `field` is one vector, shape (3,).
     """
 
     radius: ArrayLike = _quantity("m", "R, radius of the uncoated particle (Eq. 3).", above=0.0)
@@ -223,6 +223,14 @@ class Parameters:
         default=None,
         least=0.0,
         pair=True,
+        optional=True,
+    )
+
+    temperature: ArrayLike | None = _quantity(
+        "K",
+        "T of the fluid (mrjax.Brownian); None without Brownian motion.",
+        default=None,
+        least=0.0,
         optional=True,
     )
 

@@ -13,12 +13,13 @@ from mrjax.core.units import Units
 
 T = TypeVar("T")
 Dimension = tuple[int, int, int]
-"""Exponents of kg, m and s. The ampere has none: it is a unit of its own in any system."""
+"""Exponents of kg, m and s. Ampere and kelvin have none: each is a unit of its own."""
 
 UNITS: dict[str, Dimension] = {
     "1": (0, 0, 0),
     "rad": (0, 0, 0),
     "A": (0, 0, 0),
+    "K": (0, 0, 0),
     "kg": (1, 0, 0),
     "m": (0, 1, 0),
     "s": (0, 0, 1),
@@ -54,7 +55,7 @@ def quantity(unit: str, about: str = "", **keywords: Any) -> Any:
     """A field of a force: a number in this unit, which can be differentiated and fitted.
 
     Args:
-      unit: in SI, a product or quotient of kg, m, s, A, N, Pa, J, W, T, Hz, rad and 1.
+      unit: in SI, a product or quotient of kg, m, s, A, K, N, Pa, J, W, T, Hz, rad and 1.
       about: what it is.
       keywords: of `dataclasses.field`: `default=0.0`, say.
 

@@ -4,7 +4,7 @@
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from numbers import Real
 
 import jax
@@ -15,6 +15,7 @@ from jax.typing import ArrayLike, DTypeLike
 
 from mrjax.core.box import LARGEST, SMALLEST
 from mrjax.core.errors import InputError, shown
+from mrjax.core.randomness import RandomStream
 
 NOBODY = -1
 WALLS = (-2, -3, -4, -5, -6, -7)
@@ -83,11 +84,22 @@ class State:
     neighbour list if the parameters are traced. None: it is read from concrete parameters."""
     memory: dict[str, Array] = field(default_factory=dict)
     """Values that forces remember of each particle, by name: (N, 3) vectors or (N,) numbers, SI."""
+    random: RandomStream | None = None
+    """Random numbers of the particles, for Brownian motion; None stands for those of seed 0."""
 
     @property
     def particles(self) -> int:
         """Number of particles N."""
         return self.position.shape[0]
+
+    def with_seed(self, seed: int) -> "State":
+        """Returns the state with other random kicks to come: those of a seed, from the first on.
+
+        Example:
+          >>> state = mrjax.place([[5e-6, 5e-6, 5e-6]])
+          >>> states = [state.with_seed(seed) for seed in range(3)]
+        """
+        return replace(self, random=RandomStream.of_seed(seed, self.particles))
 
 
 def allocate_history(
@@ -122,6 +134,7 @@ def place(
     *,
     materials: ArrayLike | None = None,
     contact_diameter: float | None = None,
+    seed: int | None = None,
     dtype: DTypeLike = float,
 ) -> State:
     """Makes a state from positions, velocities and spins.
@@ -134,6 +147,7 @@ def place(
         default all particles are of one material.
       contact_diameter: largest distance of centres at which two particles touch, m; needed only if
         `simulate` is called with traced radii.
+      seed: seed of the random kicks of Brownian motion; None for seed 0.
       dtype: dtype of the state, and so of a run that starts from it; `float` is JAX's default.
 
     Raises:
@@ -174,6 +188,7 @@ def place(
         like_positions("spins", spins),
         material=None if materials is None else _indices(materials, len(position)),
         contact_diameter=contact_diameter,
+        random=None if seed is None else RandomStream.of_seed(seed, len(position)),
     )
 
 

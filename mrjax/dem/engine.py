@@ -6,7 +6,7 @@ steps follows. The compiled loops over intervals and frames are in `scan`.
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,7 +14,8 @@ from jax import Array, lax
 from jax.typing import ArrayLike, DTypeLike
 
 from mrjax.core.box import Box
-from mrjax.core.parameters import per_particle
+from mrjax.core.parameters import Parameters, per_particle
+from mrjax.core.randomness import RandomStream
 from mrjax.core.run import Fault
 from mrjax.core.trajectory import Trajectory
 from mrjax.core.units import Units
@@ -31,10 +32,13 @@ from mrjax.dem.forces import (
     Particles,
     body_forces,
     greatest_overlap,
+    noises,
     pair_forces,
 )
 from mrjax.dem.integrator import Kick
+from mrjax.dem.kick_bounds import DEVIATIONS, spread
 from mrjax.dem.kinematics import PairKinematics, ParticleState, pair_kinematics
+from mrjax.dem.noise import random_wrench
 from mrjax.dem.pair_forces import PairForces, total_stiffness
 from mrjax.dem.pairs import WALL_COUNT, Pairs
 from mrjax.dem.plan import EngineSettings, Matter
@@ -62,6 +66,7 @@ class Motion(NamedTuple):
     overlap: Array  # deepest overlap of each particle so far, (N,)
     mode: ModeEstimate
     fault: Array  # bits of `Fault`, ()
+    random: RandomStream | None = None  # None without random forces
 
     @property
     def position(self) -> Array:
@@ -152,6 +157,7 @@ class Engine:
         )
         bodies = body_forces(matter.forces)
         self.steady = self._total_wrench([force for force in bodies if force.steady])
+        self.noises = noises(matter.forces)
         self.unsteady_forces = [force for force in bodies if not force.steady]
         self.remembering = [force for force in bodies if force.memory()]
         self.radius = per_particle(self.coated.radius, particles)
@@ -172,6 +178,7 @@ class Engine:
         spin: Array,
         history: ParticleHistory,
         memory: dict[str, Array],
+        random: RandomStream | None,
     ) -> Motion:
         """Starts a motion from positions, velocities and spins, (3, N), and what is remembered.
 
@@ -179,6 +186,7 @@ class Engine:
           position, velocity, spin: motion of the particles.
           history: contact history.
           memory: values that forces remember of each particle, (3, N) or (N,).
+          random: random numbers of the particles; None without random forces.
         """
         pairs, origin, travelled = self._list_at(position)
         return Motion(
@@ -192,6 +200,7 @@ class Engine:
             jnp.zeros(self.particles, self.dtype),
             stability.initial_estimate(self.particles, self.dtype),
             pairs.overflow,
+            random,
         )
 
     def interval(self, motion: Motion) -> Motion:
@@ -216,6 +225,7 @@ class Engine:
             jnp.maximum(motion.overlap, pairs.greatest(end.deepest)),
             mode,
             fault,
+            None if motion.random is None else motion.random.after(self.settings.steps),
         )
 
     def observed(self, motion: Motion) -> Observed:
@@ -242,7 +252,9 @@ class Engine:
         origin = motion.origin
         sum_over_pairs = self.pair_forces.on(motion.pairs)
 
-        def step(now: Steps, checks_list: ArrayLike) -> tuple[Steps, None]:
+        def step(now: Steps, step_by_step: tuple[ArrayLike, Any]) -> tuple[Steps, None]:
+            checks_list, done = step_by_step
+
             def kick(half_way: Array, velocity: Array):
                 at = self.uniform_step
                 if at is None:
@@ -257,6 +269,11 @@ class Engine:
                     unsteady = self._total_wrench(self.unsteady_forces, moment)
                     added += jnp.atleast_2d(at.gains[0]) * unsteady.force
                     torques.append(unsteady.torque)
+                if motion.random is not None:
+                    local = self._parameters_at(origin + half_way)
+                    random = random_wrench(self.noises, local, motion.random, done, self.dtype)
+                    added += jnp.atleast_2d(at.gains[0]) * random.force
+                    torques.append(random.torque)
                 for torque in torques:
                     if torque is not None:
                         turned += jnp.atleast_2d(at.gains[1]) * torque
@@ -284,7 +301,8 @@ class Engine:
         )
         # Forces act half-way; the last position belongs to the next interval, which checks it.
         checks_list = np.arange(self.settings.steps) < self.settings.steps - 1
-        end, _ = lax.scan(step, begin, checks_list)
+        done = None if motion.random is None else np.arange(self.settings.steps, dtype=np.int32)
+        end, _ = lax.scan(step, begin, (checks_list, done))
         return end
 
     def _mode(self, motion: Motion, deepest: Array, position: Array) -> ModeEstimate:
@@ -331,11 +349,16 @@ class Engine:
 
     def _kicks(self, position: Array | None = None) -> tuple[Kick, Kick]:
         """Coefficients of a step for velocities and spins; with hindrance, by local drag."""
-        parameters, hindrance = self.matter.parameters, self.matter.hindrance
-        if hindrance is not None and position is not None:
-            box = self.settings.box
-            parameters = hindered_parameters(parameters, hindrance, box, position, spacing=2.0)
+        parameters = self._parameters_at(position)
         return integrator.kick(parameters, 1.0), integrator.spin_kick(parameters, 1.0)
+
+    def _parameters_at(self, position: Array | None) -> Parameters:
+        """Parameters of a moment: with hindrance, f_w follows the positions, (3, N)."""
+        parameters, hindrance = self.matter.parameters, self.matter.hindrance
+        if hindrance is None or position is None:
+            return parameters
+        box = self.settings.box
+        return hindered_parameters(parameters, hindrance, box, position, spacing=2.0)
 
     def _step_coefficients(self, position: Array | None = None) -> StepCoefficients:
         straight, turning = self._kicks(position)
@@ -394,6 +417,10 @@ class Engine:
             for vectors in (motion.travelled, motion.velocity)
         )
         ahead = SPEED_MARGIN * self.settings.steps * speed
+        if self.noises:
+            parameters = self._parameters_at(motion.position)
+            deviation = spread(self.noises, parameters, float(self.settings.steps))
+            ahead += DEVIATIONS * lax.stop_gradient(deviation)
         return (2.0 * (gone + ahead) > self.skin_left) & (gone > 0.0)
 
     def _rebuilt(self, motion: Motion) -> Motion:

@@ -87,23 +87,26 @@ def _of_pair(
 ) -> tuple[Array, Array]:
     """Largest stiffness and force over the sampled gaps.
 
-    Each sampled particle is paired with a copy of itself and with a wall.
+    Each sampled particle is paired with a copy of itself, with the largest particle of every
+    material, since unlike surfaces may attract each other most, and with a wall.
     """
     coated, material, count = particle.coated_particle(numbers), state.material, state.particles
     sizes = np.broadcast_to(coated.radius, count)
     ids = np.argsort(sizes)[np.linspace(0, count - 1, min(count, SAMPLED)).astype(int)]
-    depth = DEEPEST * np.tile(sizes[ids], 2)
+    blocks = [ids, *(np.full_like(ids, one) for one in _largest_of_materials(sizes, material)), ids]
+    partner, own = np.concatenate(blocks), np.tile(ids, len(blocks))
+    at_wall = np.arange(len(own)) >= len(own) - len(ids)
+    depth = DEEPEST * np.minimum(sizes[own], sizes[partner])
     share = np.linspace(0.0, 1.0, GAPS)[:, None]
     near = np.geomspace(NEAREST, 1.0, NEAR)[:, None]
     gaps = np.concatenate(
         [share * (reach + depth) - depth, near * np.full_like(depth, reach), -near * depth]
     )
     gap, samples = gaps.ravel(), len(gaps)
-    first = np.tile(ids, 2 * samples)
-    wall = np.tile(np.arange(2 * len(ids)) >= len(ids), samples)
-    radius = sizes[first]
+    first, second, wall = (np.tile(array, samples) for array in (own, partner, at_wall))
+    radii = sizes[first], sizes[second]
     coefficients = force.coefficients(
-        numbers, SurfacePairs(first, np.where(wall, count, first), wall, material, coated)
+        numbers, SurfacePairs(first, np.where(wall, count, second), wall, material, coated)
     )
     law = force.for_one_pair()
 
@@ -113,14 +116,22 @@ def _of_pair(
         return jnp.asarray(stiffness), jnp.sqrt(dot(wrench.force, wrench.force))
 
     @jax.jit
-    def greatest(gap: Array, radius: Array, coefficients: Any) -> tuple[Array, ...]:
+    def greatest(gap: Array, radii: tuple[Array, Array], coefficients: Any) -> tuple[Array, ...]:
         still = (jnp.zeros_like(gap),) * 3
-        surface = ParticleState(still, still, still, radius, still)
-        along = jnp.where(wall, 1.0, 2.0) * radius + gap
-        pairs = pair_kinematics(surface, surface, (along, *still[:2]), jnp.where(wall, 0, -1))
+        mine, other = (ParticleState(still, still, still, radius, still) for radius in radii)
+        along = radii[0] + jnp.where(wall, 0.0, radii[1]) + gap
+        pairs = pair_kinematics(mine, other, (along, *still[:2]), jnp.where(wall, 0, -1))
         return tuple(jnp.max(values) for values in over_pairs(at, pairs, coefficients))
 
-    return evaluate_with_numpy(greatest, gap, radius, coefficients)
+    return evaluate_with_numpy(greatest, gap, radii, coefficients)
+
+
+def _largest_of_materials(sizes: np.ndarray, material: Array | None) -> list[int]:
+    """Id of the largest particle of every material; none if all are of one material."""
+    if material is None:
+        return []
+    index = np.asarray(material)
+    return [int(np.where(index == one, sizes, 0.0).argmax()) for one in np.unique(index)]
 
 
 def _of_bodies(force: BodyForce, numbers: Parameters, state: State) -> Array:

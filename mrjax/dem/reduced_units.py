@@ -11,13 +11,14 @@ from jax import Array
 
 from mrjax.core.parameters import Parameters, per_particle
 from mrjax.core.quantities import dimension
+from mrjax.core.randomness import RandomStream
 from mrjax.core.run import Run
 from mrjax.core.state import State
 from mrjax.core.units import Units
 from mrjax.dem import contact_history
 from mrjax.dem.contact_history import ParticleHistory, Remembered
 from mrjax.dem.engine import Motion, Observed, Outcome
-from mrjax.dem.forces import Force, particle_memory
+from mrjax.dem.forces import Force, noises, particle_memory
 from mrjax.dem.forces.si import in_reduced_units
 from mrjax.dem.pair_forces import memory_of
 from mrjax.dem.plan import Matter, RunPlan, System
@@ -93,8 +94,8 @@ def reduced(system: System, plan: RunPlan) -> tuple[tuple[Any, ...], Matter]:
     """Converts a system to reduced units.
 
     Returns:
-      the initial state, as from `reduced_state` and `reduced_memory`, and the parameters and forces
-      of the run.
+      the initial state, as from `reduced_state`, `reduced_memory` and `random_numbers`, and the
+      parameters and forces of the run.
     """
     slots = plan.neighbour_list.capacity + 2 * len(system.box.walled_axes)
     parameters = reduced_parameters(system.parameters, plan.units, system.state)
@@ -102,7 +103,14 @@ def reduced(system: System, plan: RunPlan) -> tuple[tuple[Any, ...], Matter]:
     matter = Matter(parameters, system.state.material, system.hindrance, forces)
     begin = reduced_state(system.state, plan.units, slots, memory_of(matter.forces))
     memory = reduced_memory(system.state, plan.units, matter.forces)
-    return (*begin, memory), matter
+    return (*begin, memory, random_numbers(system)), matter
+
+
+def random_numbers(system: System) -> RandomStream | None:
+    """Random numbers of a system, those of seed 0 by default; None without random forces."""
+    if not noises(system.forces):
+        return None
+    return system.state.random or RandomStream.of_seed(0, system.particles)
 
 
 def run_in_si(
@@ -138,6 +146,7 @@ def run_in_si(
             units=units,
         ),
         memory=memory_in_si(end.memory, nan_if_faulty, units, matter.forces),
+        random=state.random if end.random is None else end.random,
     )
     radius = particle.outer_radius(matter.parameters)
     times = np.linspace(0.0, plan.duration, plan.schedule.frames + 1)

@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array, lax
 
+from mrjax.core.randomness import RandomStream
 from mrjax.core.run import Run
 from mrjax.dem import sorting
 from mrjax.dem.contact_history import ParticleHistory
@@ -60,6 +61,7 @@ def _scan(
     spin: Array,
     history: ParticleHistory,
     memory: dict[str, Array],
+    random: RandomStream | None,
     matter: Matter,
     *,
     settings: EngineSettings,
@@ -76,7 +78,7 @@ def _scan(
         motion, _ = lax.scan(interval, motion, length=schedule.intervals)
         return motion, engine.observed(motion)
 
-    start = engine.begin(position, velocity, spin, history, memory)
+    start = engine.begin(position, velocity, spin, history, memory, random)
     # Reverse mode stores the start of every interval if memory allows, else that of every frame.
     bytes_of_start = sum(leaf.nbytes for leaf in jax.tree.leaves(start))
     stored = schedule.frames * schedule.intervals * bytes_of_start
@@ -99,13 +101,14 @@ def begin(
     spin: Array,
     history: ParticleHistory,
     memory: dict[str, Array],
+    random: RandomStream | None,
     matter: Matter,
     *,
     settings: EngineSettings,
 ) -> tuple[Motion, Observed]:
     """Starts a motion and evaluates its observables, in reduced units; arguments (3, N) each."""
     engine = Engine(matter, settings, position.shape[1], position.dtype)
-    motion = engine.begin(position, velocity, spin, history, memory)
+    motion = engine.begin(position, velocity, spin, history, memory, random)
     return motion, engine.observed(motion)
 
 

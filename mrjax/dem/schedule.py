@@ -15,6 +15,7 @@ from mrjax.core.parameters import Parameters
 from mrjax.core.state import State
 from mrjax.core.tracing import evaluated_or_none
 from mrjax.dem import neighbours
+from mrjax.dem.kick_bounds import RandomMotion
 from mrjax.dem.neighbours import ListPlan
 from mrjax.laws import particle, time_scales
 from mrjax.laws.time_scales import Mode
@@ -181,8 +182,13 @@ def _pull_and_relaxation(numbers: Parameters) -> tuple[ArrayLike, ArrayLike]:
     return pull, time_scales.relaxation_time(numbers)
 
 
-def steps_within_skin(speed: float | None, time_step: float, skin: float) -> int:
+def steps_within_skin(
+    speed: float | None, time_step: float, skin: float, random: RandomMotion | None = None
+) -> int:
     """Number of steps in which a particle at this speed crosses a quarter of the skin.
+
+    With random forces, twice this way and their kicks, which grow as the root of the number, fill
+    half of the skin.
 
     The number is at least 1 and at most `MOST_STEPS_BETWEEN_REBUILDS`, its value at unknown speed.
 
@@ -190,7 +196,12 @@ def steps_within_skin(speed: float | None, time_step: float, skin: float) -> int
       speed: speed of the particle, m/s; None if unknown.
       time_step: length of a step, s.
       skin: skin of the neighbour list, m.
+      random: motion by random forces; None without such forces.
     """
+    kick = random.kick(time_step) if random is not None else None
+    if speed is not None and kick:
+        root = skin / (kick + math.sqrt(kick**2 + 4.0 * speed * time_step * skin))
+        return max(1, int(min(root**2, MOST_STEPS_BETWEEN_REBUILDS)))
     if speed is None or not speed * time_step > 0.25 * skin / MOST_STEPS_BETWEEN_REBUILDS:
         return MOST_STEPS_BETWEEN_REBUILDS
     return max(1, int(0.25 * skin / (speed * time_step)))
@@ -205,6 +216,7 @@ def largest_stable_step(
     *,
     stiffness: float = 0.0,
     pair_force: float = 0.0,
+    random: RandomMotion | None = None,
 ) -> float | None:
     """Largest step that is stable for the expected contacts, s; None for traced values.
 
@@ -220,12 +232,16 @@ def largest_stable_step(
       arrangement: modes of vibration of the touching particles.
       stiffness: stiffness of other pair forces, N/m.
       pair_force: size of other pair forces, N.
+      random: motion by random forces; None without such forces.
     """
     weight = evaluated_or_none(particle.net_weight, numbers)
-    if speed is None or weight is None:
+    agitation = 0.0 if random is None else random.speed
+    if speed is None or weight is None or agitation is None:
         return None
     load = np.max(np.abs(weight) * max(1.0, box.height / diameter)) + pair_force
-    overlap = evaluated_or_none(time_scales.expected_overlap, numbers, load, 2.0 * speed)
+    overlap = evaluated_or_none(
+        time_scales.expected_overlap, numbers, load, 2.0 * (speed + agitation)
+    )
 
     def limit(overlap: float) -> float | None:
         step = evaluated_or_none(
@@ -237,4 +253,7 @@ def largest_stable_step(
     if step is None or not np.isfinite(step):
         return step
     # The first step into a contact may go deeper than any later overlap of a damped impact.
-    return limit(max(float(overlap), 2.0 * speed * step))
+    step = limit(max(float(overlap), 2.0 * speed * step))
+    if random is None or step is None:
+        return step
+    return random.longest_step(step, lambda kick: limit(max(float(overlap), kick)))

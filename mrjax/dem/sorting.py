@@ -47,6 +47,8 @@ def permute_state(state: State, order: Array) -> State:
     if state.material is not None:
         moved["material"] = state.material[order]
     moved["memory"] = {name: rows[order] for name, rows in state.memory.items()}
+    if state.random is not None:
+        moved["random"] = state.random.permuted(order)
     if state.contacts is not None:
         place = jnp.argsort(order).astype(state.contacts.partner.dtype)
         rows: ContactHistory = jax.tree.map(lambda leaf: leaf[order], state.contacts)

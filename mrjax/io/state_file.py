@@ -6,10 +6,11 @@ from typing import Literal
 
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
+from jax import Array, lax
 from pydantic import FiniteFloat, PositiveFloat
 
 from mrjax.core.errors import InputError
+from mrjax.core.randomness import RandomStream
 from mrjax.core.state import WALLS, ContactHistory, State
 from mrjax.io import npz
 from mrjax.io.markers import Strict
@@ -34,6 +35,9 @@ ARRAYS = {
     "velocity_m_per_s": VECTORS,
     "spin_rad_per_s": VECTORS,
     "material": npz.Numbers(("N",), "int", least=0, optional=True),
+    "random_key": npz.Numbers((2,), "int", optional=True, needs="random_number"),
+    "random_number": npz.Numbers(("N",), "int", optional=True, needs="random_step"),
+    "random_step": npz.Numbers((), "int", least=0, optional=True, needs="random_key"),
     "contact_partner": npz.Numbers(("N", "S"), "int", least=min(WALLS), below="N", optional=True),
     "contact_sliding_m": MEMORY,
     "contact_rolling_rad": MEMORY,
@@ -101,6 +105,12 @@ def arrays(state: State) -> dict[str, np.ndarray]:
         "spin_rad_per_s": state.spin,
         "material": state.material,
     }
+    if state.random is not None:
+        by_name |= {
+            "random_key": lax.bitcast_convert_type(state.random.key, jnp.int32),
+            "random_number": state.random.number,
+            "random_step": state.random.step,
+        }
     if state.contacts is not None:
         by_name |= {
             "contact_partner": state.contacts.partner,
@@ -138,6 +148,14 @@ def to_state(stored: Mapping[str, np.ndarray], contact_diameter: float | None) -
             optional("contact_rolling_rad"),
             named(VECTOR, NUMBER),
         )
+    random = None
+    if "random_key" in stored:
+        words = np.asarray(stored["random_key"]).view(np.uint32)
+        random = RandomStream(
+            jnp.asarray(words),
+            jnp.asarray(stored["random_number"]),
+            jnp.asarray(stored["random_step"]),
+        )
     return State(
         position=jnp.asarray(stored["position_m"]),
         velocity=jnp.asarray(stored["velocity_m_per_s"]),
@@ -146,4 +164,5 @@ def to_state(stored: Mapping[str, np.ndarray], contact_diameter: float | None) -
         material=optional("material"),
         contact_diameter=contact_diameter,
         memory=named(OWN_VECTOR, OWN_NUMBER),
+        random=random,
     )

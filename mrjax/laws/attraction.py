@@ -30,6 +30,7 @@ from mrjax.core.errors import InputError
 from mrjax.core.parameters import Parameters
 from mrjax.laws import dimensionless, normal, particle
 from mrjax.laws.effective import SurfacePairs
+from mrjax.laws.roots import finite_root
 
 CUT_OFF = 10.0
 """Gap at which the force ends, in ranges."""
@@ -102,19 +103,13 @@ def jkr_force(
     depth = jnp.asarray(overlap / tear_off_gap(pull_off, modulus, radius))
     # The slope is infinite at tear-off: end a few roundings before it.
     depth = jnp.maximum(depth, -1.0 + 8.0 * float(jnp.finfo(depth.dtype).eps))
-    cubic = jnp.cbrt(1.0 + _root(1.0 + depth * depth * depth))
+    cubic = jnp.cbrt(1.0 + finite_root(1.0 + depth * depth * depth))
     ratio = depth / cubic
     resolvent = 2.0 / (cubic * cubic + depth + ratio * ratio)
     root = jnp.sqrt(2.0 * resolvent)
-    size = 0.5 * (root + _root(8.0 / root - 2.0 * resolvent))
+    size = 0.5 * (root + finite_root(8.0 / root - 2.0 * resolvent))
     cube = size * size * size
     return pull_off * cube * (cube - 6.0) / 9.0
-
-
-def _root(square: Array) -> Array:
-    """Square root with finite derivatives; 0 where rounding makes the square negative."""
-    positive = square > 0.0
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
 
 
 def tear_off_gap(pull_off: ArrayLike, modulus: ArrayLike, radius: ArrayLike) -> Array:

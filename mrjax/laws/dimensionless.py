@@ -2,7 +2,8 @@
 
 Re = rho_f v d / (f_v mu), of the coated particle   below 0.1: Stokes' drag within 2 % (Oseen 1910)
 St = v / (alpha R)                                  below 1: the history force is negligible
-Pe = |m - m_f| g R / (k T)                         above 10: Brownian motion is negligible
+Pe = |m - m_f| g R / (k T)                         above 10: Brownian motion is negligible, or any
+                                                   number with it (parameters with a temperature)
 Bo = A R / (12 h_0^2 |m - m_f| g)                   above 1: particles stick to each other
 """
 
@@ -17,11 +18,12 @@ from mrjax.core import checks
 from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.core.parameters import Parameters
 from mrjax.laws import drag, particle, time_scales
+from mrjax.laws.brownian import BOLTZMANN as BOLTZMANN
 
-BOLTZMANN = 1.380649e-23
-"""Boltzmann's constant k, J/K."""
 ROOM = 298.15
 """Room temperature, K."""
+LEAST_PECLET = 10.0
+"""Peclet number above which Brownian motion is negligible."""
 
 
 @dataclass(frozen=True)
@@ -39,6 +41,8 @@ class Number:
     @property
     def holds(self) -> str:
         """Range in which the model holds, in words."""
+        if not self.at_most and self.bound == 0.0:
+            return "any"
         return f"{'below' if self.at_most else 'above'} {self.bound:g}"
 
     @property
@@ -108,7 +112,7 @@ def numbers(
     """Returns the Reynolds, Stokes and Peclet number of the particle nearest each bound.
 
     Args:
-      parameters: particles and fluid.
+      parameters: particles and fluid; with a temperature, any Peclet number is in range.
       velocity: settling or rising velocity, m/s, () or (N,).
       temperature: temperature of the fluid, K.
     """
@@ -127,7 +131,7 @@ def numbers(
         Number(
             "Peclet",
             peclet,
-            10.0,
+            LEAST_PECLET if parameters.temperature is None else 0.0,
             False,
             "Brownian motion, which is left out, keeps them from packing",
         ),

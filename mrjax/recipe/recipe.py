@@ -125,6 +125,7 @@ class Recipe(Suspension):
             wall_layer_thickness=wall.layer_thickness if attraction else None,
             attraction_range=attraction.range if attraction else None,
             **_magnetic(self.magnetism),
+            temperature=self.temperature if self.brownian_motion else None,
             gravity=self.gravity,
             added_mass=self.drag.added_mass,
             # Without a coating, a layer that f_r adds consists of fluid.

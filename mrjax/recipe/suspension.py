@@ -15,7 +15,17 @@ from mrjax.laws.hindrance import Hindrance
 from mrjax.recipe import closures, tables
 from mrjax.recipe.composition import Composition, Phases
 from mrjax.recipe.sheets import UNSTATED, Name, Sheet
-from mrjax.recipe.tables import Attraction, Coating, Contact, Drag, Fluid, Magnetism, Particle, Wall
+from mrjax.recipe.tables import (
+    Attraction,
+    BrownianMotion,
+    Coating,
+    Contact,
+    Drag,
+    Fluid,
+    Magnetism,
+    Particle,
+    Wall,
+)
 
 MOST_PARTICLES = 10**7
 """Largest number of particles; a larger one means that a box in micrometres was given in metres."""
@@ -36,6 +46,7 @@ class Suspension(Sheet):
     contact: Contact = Field(default=Contact(), description="a table [contact]")
     attraction: Attraction | None = Field(default=None, description="a table [attraction]")
     magnetism: Magnetism | None = Field(default=None, description="a table [magnetism]")
+    brownian: BrownianMotion | None = Field(default=None, description="a table [brownian]")
     box: Annotated[Box, BeforeValidator(tables.box)] = Field(
         default=UNSTATED, description="a table [box] with size in m"
     )
@@ -118,6 +129,11 @@ class Suspension(Sheet):
         excess = abs(self.apparent_density - self.fluid.density)
         weight = 4.0 / 3.0 * math.pi * radius**3 * excess * self.gravity
         return weight * radius / (dimensionless.BOLTZMANN * self.temperature)
+
+    @property
+    def brownian_motion(self) -> bool:
+        """True if the particles of the sheet are in Brownian motion."""
+        return self.brownian is not None and self.brownian.on
 
     @property
     def f_w(self) -> float:

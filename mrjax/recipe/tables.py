@@ -312,6 +312,12 @@ class Magnetism(Sheet):
         return self
 
 
+class BrownianMotion(Sheet):
+    """Brownian motion at the temperature of the sheet."""
+
+    on: bool = Field(description="true or false: true for random kicks by the fluid")
+
+
 def box(table: Any) -> Box:
     """Returns the box of a table with the keys size and periodic."""
     if isinstance(table, Box):

@@ -1,6 +1,7 @@
 """Quantities that follow from a lab sheet without running it."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import jax.numpy as jnp
 import numpy as np
@@ -15,11 +16,14 @@ from mrjax.core.units import MM_PER_DAY
 from mrjax.laws import closed_forms, dimensionless, drag, time_scales, yield_stress
 from mrjax.laws.closures import brzinski_durian
 from mrjax.laws.closures.richardson_zaki import RICHARDSON_ZAKI_EXPONENT
-from mrjax.recipe import attraction_notes, carrier, contacts, magnetism_notes
+from mrjax.recipe import attraction_notes, brownian_notes, carrier, contacts, magnetism_notes
 from mrjax.recipe.recipe import Recipe
 from mrjax.simulation import estimates
 from mrjax.simulation.overlap import OVERLAP
 from mrjax.simulation.softening import softened
+
+if TYPE_CHECKING:
+    from mrjax.dem.forces import Noise
 
 
 @dataclass(frozen=True)
@@ -63,8 +67,8 @@ def notes(
 
     They are assumed and inconsistent values, quantities that `derived` leaves out, the branch of
     hindered settling, what moves in a fluid with a yield stress, whether particles stick or attract
-    each other magnetically, the layers of a tube, and whether its suspension stands without
-    settling.
+    each other magnetically, Brownian motion, the layers of a tube, and whether its suspension
+    stands without settling.
 
     Args:
       recipe: the lab sheet.
@@ -81,6 +85,7 @@ def notes(
     magnetic = magnetism_notes.notes(recipe.parameters(), recipe.temperature, recipe.particle_count)
     sticking = [*sticking, *magnetic]
     assumed = [*recipe.notes, *recipe.contact_notes, *omissions]
+    sticking += brownian_notes.notes(recipe)
     tube = [*_layers(recipe, tube_height), *_standing(recipe, tube_height, compression)]
     return [*assumed, *sticking, *tube, branch_note(recipe), *moving]
 
@@ -225,7 +230,9 @@ def _of_a_run_to_rest(recipe: Recipe, overlap: float) -> list[Row]:
     soft = softened(parameters, recipe.box, count, overlap)
     way = estimates.Way(recipe.box.height, recipe.box.height)
     fall, falling = estimates.duration(soft, recipe.box, count, way)
-    step = estimates.step(soft, recipe.box, count, falling, recipe.hindrance)
+    step = estimates.step(
+        soft, recipe.box, count, falling, recipe.hindrance, noises=_noises(recipe)
+    )
     factor = float(soft.elastic_modulus) / float(parameters.elastic_modulus)
     rest, steps = estimates.TIMES_FREE_FALL * fall, estimates.TIMES_FREE_FALL * fall / step
     return [
@@ -240,6 +247,15 @@ def _of_a_run_to_rest(recipe: Recipe, overlap: float) -> list[Row]:
             "s",
         ),
     ]
+
+
+def _noises(recipe: Recipe) -> "tuple[Noise, ...]":
+    """Random forces of a sheet; they are imported only where there are any."""
+    if not recipe.brownian_motion:
+        return ()
+    from mrjax.dem.forces import Brownian
+
+    return (Brownian(),)
 
 
 def warnings(

@@ -45,7 +45,7 @@ def disperse(recipe: Recipe, seed: int = 0, *, dtype: DTypeLike = float) -> Stat
 
     Args:
       recipe: the lab sheet.
-      seed: seed of the random positions.
+      seed: seed of the random positions, and of the kicks of Brownian motion.
       dtype: dtype of the state, and so of a run that starts from it; `float` is JAX's default.
 
     Raises:
@@ -71,7 +71,7 @@ def disperse(recipe: Recipe, seed: int = 0, *, dtype: DTypeLike = float) -> Stat
             f"a box of {size} um (volume fraction {recipe.coated_volume_fraction:.3f}); use a "
             "larger box or fewer particles"
         )
-    state = place(position * unit, contact_diameter=2 * unit, dtype=dtype)
+    state = place(position * unit, contact_diameter=2 * unit, seed=seed, dtype=dtype)
     return magnetised(state, seed=seed) if has_remanence(parameters) else state
 
 

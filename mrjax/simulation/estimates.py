@@ -1,7 +1,7 @@
 """Estimates of a run to rest before it begins: its duration and its steps."""
 
 from functools import partial
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -17,6 +17,9 @@ from mrjax.laws import closed_forms, particle, time_scales
 from mrjax.laws.hindrance import BED_FRACTION, Hindrance
 from mrjax.laws.time_scales import NO_OTHER_FORCES, ForceBounds, Mode
 from mrjax.simulation import softening
+
+if TYPE_CHECKING:
+    from mrjax.dem.forces import Noise
 
 RANDOM_BED = (Mode(2.8, 2.8, 2.8),)
 """Approximate fastest mode of a random bed of spheres. A run whose bed has a faster mode is
@@ -108,6 +111,7 @@ def step(
     falling: float,
     hindrance: Hindrance | None,
     bounds: ForceBounds = NO_OTHER_FORCES,
+    noises: "tuple[Noise, ...]" = (),
 ) -> float:
     """Step at which a random bed of these particles is stable, and which resolves a dry impact; s.
 
@@ -121,6 +125,7 @@ def step(
       falling: speed of the fall, m/s.
       hindrance: f_w against volume fraction; None without local drag.
       bounds: bounds of the forces beside weight and contact.
+      noises: random forces, without tracers.
 
     Raises:
       InputError: no step is stable, or parameters are traced.
@@ -138,7 +143,7 @@ def step(
             for share, overlap in ((BED_FRACTION, resting), (DILUTE_SHARE * fraction, alone))
         ]
     longest = min(
-        _stable(layer, max(overlap, impact), bounds.stiffness) for layer, overlap in layers
+        _stable(layer, max(overlap, impact), bounds.stiffness, noises) for layer, overlap in layers
     )
     if not longest > 0.0:
         raise InputError(
@@ -159,22 +164,44 @@ def _factor(hindrance: Hindrance, share: float) -> np.ndarray:
     return factor
 
 
-def _stable(numbers: Parameters, overlap: float, stiffness: float) -> float:
-    """Step at which a random bed is stable, and which resolves a dry impact; s.
+def _stable(
+    numbers: Parameters, overlap: float, stiffness: float, noises: "tuple[Noise, ...]"
+) -> float:
+    """Step at which a random bed is stable, and which resolves a dry impact and kicks; s.
 
     Args:
       numbers: parameters with the moduli of the run.
       overlap: deepest overlap in the bed, m.
       stiffness: stiffness of the forces beside weight and contact, N/m.
+      noises: random forces.
 
     Raises:
       InputError: parameters are traced.
     """
-    values = evaluated_or_none(evaluate_with_numpy, _limits, numbers, overlap, stiffness)
-    if values is None:
+
+    def limit(overlap: float) -> float:
+        values = evaluated_or_none(evaluate_with_numpy, _limits, numbers, overlap, stiffness)
+        if values is None:
+            raise InputError(TRACED)
+        stable, relaxation = map(float, values)
+        return stable if relaxation < stable else stable / INERTIAL
+
+    if not noises:
+        return limit(overlap)
+    from mrjax.dem.kick_bounds import RandomMotion  # loads what a check does not need
+
+    random = RandomMotion(noises, numbers)
+    speed = random.speed
+    impact = None
+    if speed is not None:
+        impact = evaluated_or_none(time_scales.expected_overlap, numbers, 0.0, 2.0 * speed)
+    if impact is None:
         raise InputError(TRACED)
-    stable, relaxation = map(float, values)
-    return stable if relaxation < stable else stable / INERTIAL
+    deepest = max(overlap, float(impact))
+    step = random.longest_step(limit(deepest), lambda kick: limit(max(deepest, kick)))
+    if step is None:
+        raise InputError(TRACED)
+    return step
 
 
 def _falling(numbers: Parameters, particles: int) -> tuple[Array, ...]:

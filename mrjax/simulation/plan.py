@@ -12,6 +12,7 @@ from mrjax.core.parameters import Parameters
 from mrjax.core.tracing import drop_tracers, evaluated_or_none, value_or_none
 from mrjax.dem import schedule
 from mrjax.dem.force_bounds import beside_weight, force_bounds, plan_reach
+from mrjax.dem.kick_bounds import RandomMotion
 from mrjax.dem.neighbours import ListPlan
 from mrjax.dem.plan import RunPlan, System
 from mrjax.laws import particle, time_scales
@@ -59,9 +60,11 @@ def plan_run(
     reach = plan_reach(system, numbers)
     bounds = force_bounds(system, numbers, reach)
     speed = schedule.greatest_speed(velocity, numbers, box, duration, bounds.acceleration)
+    random = RandomMotion.of_run(system.forces, numbers, system.hindrance)
     farthest = max(reach, default=0.0)
     if touch is None:
-        travel = None if speed is None else 2 * speed * duration
+        kick = random.kick(duration) if random is not None else 0.0
+        travel = None if speed is None or kick is None else 2 * (speed * duration + kick)
         # The speed is bounded only for particles that nothing but weight moves.
         touch = (
             farthest > 0.0
@@ -71,7 +74,7 @@ def plan_run(
         )
     largest = hopeless = None
     if touch:
-        largest, hopeless = _stable_steps(system, numbers, diameter, speed, bounds)
+        largest, hopeless = _stable_steps(system, numbers, diameter, speed, bounds, random)
     if options.time_step is None:
         # Eq. 29 leaves out dissipation, which may need a shorter step.
         limits = (_step_of_eq_29(numbers, touch and system.in_contact), largest)
@@ -87,7 +90,7 @@ def plan_run(
         )
     rebuild_every = options.rebuild_every
     if rebuild_every is None:
-        rebuild_every = schedule.steps_within_skin(speed, time_step, skin * diameter)
+        rebuild_every = schedule.steps_within_skin(speed, time_step, skin * diameter, random)
     steps = schedule.plan_steps(
         duration, time_step, frames, checks.whole(rebuild_every, "rebuild_every")
     )
@@ -100,8 +103,12 @@ def _stable_steps(
     diameter: float,
     speed: float | None,
     bounds: ForceBounds,
+    random: RandomMotion | None,
 ) -> tuple[float | None, float | None]:
-    """Largest stable steps of a close packing and of a pair, s; None if they are traced."""
+    """Largest stable steps of a close packing and of a pair, s; None if they are traced.
+
+    That of a pair leaves out random forces, whose kicks rarely reach their bounds.
+    """
     if system.hindrance is not None:
         with jax.ensure_compile_time_eval():
             numbers = numbers.replace(f_w=drop_tracers(system.hindrance)(BED_FRACTION))
@@ -123,7 +130,7 @@ def _stable_steps(
         stiffness=bounds.stiffness,
         pair_force=bounds.pair_force,
     )
-    return law(time_scales.CLOSE_PACKED), law(time_scales.TOUCHING_PAIR)
+    return law(time_scales.CLOSE_PACKED, random=random), law(time_scales.TOUCHING_PAIR)
 
 
 def _list_plan(

@@ -35,6 +35,14 @@ class Recording:
         """Mean speed of the particles at the start and in every frame so far, m/s."""
         return np.concatenate([row.speed for row in self.rows])
 
+    def mean_height(self, weights: np.ndarray) -> np.ndarray:
+        """Weighted mean of the heights at the start and in every frame so far, m.
+
+        Args:
+          weights: weight of each particle, in the order of the run, (N,); its sign may be negative.
+        """
+        return np.concatenate([row.heights @ weights for row in self.rows]) / len(weights)
+
     def whole(self) -> Observed:
         """All rows, with particles in the order of the caller."""
         whole: Observed = jax.tree.map(lambda *leaves: np.concatenate(leaves), *self.rows)

@@ -19,11 +19,14 @@ from mrjax.core.interruption import Stop, interruptible, side_by_side
 from mrjax.core.parameters import Parameters
 from mrjax.core.run import Fault, Run
 from mrjax.core.state import State, widened
-from mrjax.core.tracing import drop_tracers
+from mrjax.core.tracing import drop_tracers, evaluated_or_none
 from mrjax.dem.force_bounds import force_bounds, plan_reach
+from mrjax.dem.forces import noises
+from mrjax.dem.kick_bounds import DEVIATIONS, RandomMotion
 from mrjax.dem.plan import RunPlan, System
 from mrjax.io import state_file
 from mrjax.io.checkpoint import Checkpoint, refuse_foreign
+from mrjax.laws import particle
 from mrjax.simulation import estimates, processes
 from mrjax.simulation.follow import resume, store
 from mrjax.simulation.options import RunKeywords, RunOptions, takes_run_options
@@ -35,6 +38,9 @@ ALONG = ("heights", "mean_velocity", "mean_speed", "trajectory")
 """Fields of a run with one entry for every frame, beside the times."""
 FRAMES_AT_ONCE = 10
 FRAMES_AT_REST = 3
+SCATTER = 2.0
+"""Fall of the mean height in `FRAMES_AT_ONCE` frames, over the scatter that random kicks give it,
+below which a suspension in Brownian motion has come to its equilibrium."""
 PATIENCE = 20.0
 """Duration after which a bed is given up, over the expected duration."""
 SKIN = 0.05
@@ -56,6 +62,9 @@ def settle(
     **options: Unpack[RunKeywords],
 ) -> Run:
     """Follows a suspension until its bed rests.
+
+    With random forces it never does. The run then ends at an equilibrium: when the mean height
+    falls no more, within ten frames, than by `rest` or by twice its random scatter in that time.
 
     At the stiffness of real particles this takes 1e12 steps; give parameters from `softened`. The
     call cannot be traced. Gradients of the curve are those of `simulate` with `duration`, `frames`
@@ -110,6 +119,7 @@ class _Settling:
     rest: float  # mean speed at rest, over the falling speed
     falling: float  # speed of a particle alone, m/s
     longest: float  # duration after which to give up, s
+    random: RandomMotion | None  # None without random forces
 
 
 def _expected(
@@ -122,7 +132,7 @@ def _expected(
     """
     if not systems or len({system.particles for system in systems}) > 1:
         raise InputError("states differ in their number of particles, or there are none")
-    _, parameters, hindrance, box, _ = systems[0]
+    _, parameters, hindrance, box, forces = systems[0]
     particles, numbers = systems[0].particles, drop_tracers(parameters)
     ways = [estimates.ways(numbers, box, system.state.position) for system in systems]
     way = estimates.Way(*np.max(ways, axis=0))
@@ -135,10 +145,13 @@ def _expected(
         time_step = checks.positive(options.time_step, "time_step", "s")
     else:
         bounds = force_bounds(systems[0], numbers, plan_reach(systems[0], numbers))
-        step = estimates.step(numbers, box, particles, falling, hindrance, bounds)
+        step = estimates.step(
+            numbers, box, particles, falling, hindrance, bounds, drop_tracers(noises(forces))
+        )
         time_step = min(interval, step)
     steps = estimates.TIMES_FREE_FALL * expectation / time_step
-    return _Settling(interval, steps, time_step, rest, falling, longest)
+    random = RandomMotion.of_run(forces, numbers, hindrance)
+    return _Settling(interval, steps, time_step, rest, falling, longest, random)
 
 
 def _checkpoint(
@@ -250,7 +263,10 @@ def _rests(pieces: PiecewiseRun, settling: _Settling, bar: tqdm) -> bool:
     share = speed[-1] / fastest if fastest > 0.0 else 0.0
     bar.set_postfix_str(f"{time:.3g} s, {share:.2%} of the greatest speed", False)
     bar.update(max(bar.n, _share(speed[-1], fastest, slow)) - bar.n)
-    if (speed[-FRAMES_AT_REST:] <= slow).all():
+    if settling.random is not None:
+        if _balanced(pieces, settling.random, slow):
+            return True
+    elif (speed[-FRAMES_AT_REST:] <= slow).all():
         return True
     if time >= settling.longest:
         raise SimulationError(
@@ -258,6 +274,22 @@ def _rests(pieces: PiecewiseRun, settling: _Settling, bar: tqdm) -> bool:
             f"than {slow:.3g} m/s: give a larger `longest` or `rest`"
         )
     return False
+
+
+def _balanced(pieces: PiecewiseRun, random: RandomMotion, slow: float) -> bool:
+    """True if the mean height has fallen in the last frames by no more than its scatter.
+
+    Args:
+      pieces: the run, with at least `FRAMES_AT_ONCE` frames.
+      random: random motion of the particles.
+      slow: mean speed of rest, m/s.
+    """
+    weight = evaluated_or_none(particle.net_weight, pieces.system.parameters)
+    downwards = np.sign(np.broadcast_to(weight, pieces.particles))
+    before, now = pieces.recording.mean_height(downwards)[[-1 - FRAMES_AT_ONCE, -1]]
+    time = FRAMES_AT_ONCE * pieces.frame_length
+    deviation = (random.kick(time) or 0.0) / DEVIATIONS
+    return before - now <= slow * time + SCATTER * deviation / np.sqrt(pieces.particles)
 
 
 def _stacked(runs: list[Run]) -> Run:

@@ -4,7 +4,8 @@ A 4 um iron particle at rest overlaps its neighbour by 1e-7 of its radius, and a
 settling of a 50 um box would take 1e12 steps. Without inertia the stiffness does not matter, as
 long as overlaps stay small. `softened` divides the moduli of particles and walls by one factor,
 chosen from the greatest overlap that is allowed. The load is that of the bed with the pull-off
-force and the pull of magnetic chains. Attraction keeps its pull-off force and gets a range that the
+force and the pull of magnetic chains. In Brownian motion the overlap is that of an impact, too, at
+three thermal speeds of each particle. Attraction keeps its pull-off force and gets a range that the
 longer steps resolve. The dissipation of contacts is then negligible beside the drag, and is left
 out of the program.
 """
@@ -21,7 +22,7 @@ from mrjax.core.errors import InputError
 from mrjax.core.numpy_evaluation import evaluate_with_numpy
 from mrjax.core.parameters import Parameters, per_particle
 from mrjax.core.tracing import drop_tracers, evaluated_or_none
-from mrjax.laws import attraction, drag, magnetism, particle, time_scales
+from mrjax.laws import attraction, brownian, drag, magnetism, particle, time_scales
 from mrjax.simulation.overlap import MOST_OVERLAP
 
 FORCE_CHAINS = 4.5
@@ -99,8 +100,13 @@ def _factor(numbers: Parameters, box: Box, particles: int, overlap: float) -> Ar
     pull = jnp.maximum(*attraction.largest_pull_off(numbers)) if attracts else 0.0
     pull = pull + magnetism.largest_pull(numbers)
     expected = resting_overlap(numbers, box, particles, pull)
-    # Hertz: the overlap under a load is proportional to E^(-2/3).
-    return jnp.minimum(1.0, (expected / (overlap * largest)) ** 1.5)
+    # Hertz: the overlap is proportional to E^(-2/3) under a load, and to E^(-2/5) in an impact.
+    factor = (expected / (overlap * largest)) ** 1.5
+    if numbers.temperature is not None:
+        speed = 2.0 * brownian.IMPACT * jnp.max(brownian.thermal_speed(numbers))
+        impact = time_scales.expected_overlap(numbers, 0.0, speed)
+        factor = jnp.maximum(factor, (impact / (overlap * largest)) ** 2.5)
+    return jnp.minimum(1.0, factor)
 
 
 def _idle(numbers: Parameters, overlap: float) -> Array:

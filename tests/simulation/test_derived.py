@@ -70,12 +70,12 @@ def test_what_only_contacts_have_is_left_out_where_moduli_are_missing():
         86400e3 * 2.507e-4 / found["f_w"].value,
         rel=1e-6,
     )
-    box, left_out, _, branch = derived.notes(CHALK)
+    box, left_out, _, peclet, branch = derived.notes(CHALK)
     assert "below 1e+08, hindered settling is on the low branch" in branch
     assert box.startswith("no box is given: one of ") and "300 particles" in box
     assert left_out.startswith("times and steps of contacts are left out: particle.elastic_modulus")
-    assumed, same_box, _, same_branch = derived.notes(stone)
-    assert (same_box, same_branch) == (box, branch)
+    assumed, same_box, _, same_peclet, same_branch = derived.notes(stone)
+    assert (same_box, same_peclet, same_branch) == (box, peclet, branch)
     assert "assumed for a mineral" in assumed
 
 

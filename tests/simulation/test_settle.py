@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import mrjax
+from mrjax.laws import particle
 from tests.builders.beds import OVERLAP, WALLED, dispersed, soft
-from tests.builders.particles import unit_spheres
+from tests.builders.particles import light_balls, unit_spheres
 
 near = partial(pytest.approx, abs=0.0)  # by itself it passes all that is within 1e-12
 REST, FRAMES = 1e-3, 100
@@ -260,3 +261,22 @@ def test_traced_parameters_are_refused(case2, leaf):
 
     with pytest.raises(mrjax.InputError, match="traced by jit or vmap"):
         of(getattr(parameters, leaf))
+
+
+def test_a_suspension_in_brownian_motion_ends_at_its_equilibrium():
+    # A weight of 30 k T / R: the bed thins within a thirtieth of a radius.
+    radius = 1e-7
+    water = light_balls(temperature=300.0, radius=radius, gravity=1.0, viscosity=1e-2).astype(float)
+    weight = 30.0 * 1.380649e-23 * 300.0 / radius
+    heavy = water.replace(gravity=weight / float(particle.net_weight(water)))
+    box = mrjax.Box((4e-7, 4e-7, 20 * radius))
+    layers = np.arange(8)[:, None] * 2.1 * radius + 1.5 * radius
+    places = np.array([[1e-7, 1e-7], [3e-7, 3e-7]]) + 0.01 * radius
+    start = [[x, y, z + i * radius / 4] for i, (x, y) in enumerate(places) for (z,) in layers]
+    soft = mrjax.softened(heavy, box, len(start), 0.025)
+    run = mrjax.settle(mrjax.place(start, seed=5), soft, box, frames=40)
+    # Its particles never rest: their mean speed stays far above 1e-3 of that of their fall.
+    assert run.mean_speed[-1] > float(mrjax.terminal_velocity(heavy))
+    # They have sunk, by the height of the start less that of any packing, and are not squeezed.
+    assert jnp.mean(run.heights[-1]) < 0.75 * jnp.mean(run.heights[0])
+    assert run.deepest_overlap < 0.06

@@ -1,8 +1,8 @@
 """Forces on the particles, one file each; `force` has the base classes.
 
 Drag is linear in velocity and spin, and the integrator solves it exactly. The magnetic force of
-Eq. 1 (Son 2018) acts between dipoles; of the weak forces there is the attraction of surfaces. The
-simulations of the paper leave out both.
+Eq. 1 (Son 2018) acts between dipoles; of the weak forces there are the attraction of surfaces and
+Brownian motion. The simulations of the paper leave out all three.
 """
 
 import importlib
@@ -14,11 +14,13 @@ from typing import Any
 from mrjax.core.errors import InputError, shown
 from mrjax.core.parameters import Parameters
 from mrjax.dem.contact_history import Remembered
+from mrjax.dem.forces.brownian import Brownian
 from mrjax.dem.forces.contact import ActiveLaws, Contact, active_laws, acts
 from mrjax.dem.forces.dipoles import Dipoles, is_magnetic
 from mrjax.dem.forces.force import (
     BodyForce,
     Force,
+    Noise,
     PairForce,
     Particles,
     Stiffness,
@@ -48,24 +50,36 @@ def particle_memory(forces: Sequence[Force]) -> dict[str, Remembered]:
     return {name: kind for force in body_forces(forces) for name, kind in force.memory().items()}
 
 
+def noises(forces: Sequence[Force]) -> tuple[Noise, ...]:
+    """Returns the random forces of a list."""
+    return tuple(force for force in forces if isinstance(force, Noise))
+
+
 def greatest_overlap(forces: Sequence[Force]) -> float:
     """Largest overlap for which all forces of a list are valid, in radii."""
     return min((force.greatest_overlap for force in pair_forces(forces)), default=math.inf)
 
 
 def bundled_forces(parameters: Parameters) -> tuple[Force, ...]:
-    """Returns gravity, contact and, unless it is known to be zero, attraction and magnetism."""
+    """Returns gravity and contact, and attraction, magnetism and Brownian motion where they act.
+
+    They act unless what they need is missing, or known to be zero.
+    """
     attracts = parameters.hamaker is not None and acts(parameters.hamaker)
-    attraction = [VanDerWaals()] if attracts else []
-    return (Gravity(), Contact(), *attraction, *([Dipoles()] if is_magnetic(parameters) else []))
+    warm = parameters.temperature is not None and acts(parameters.temperature)
+    others = (
+        (VanDerWaals(), attracts),
+        (Dipoles(), is_magnetic(parameters)),
+        (Brownian(), warm),
+    )
+    return (Gravity(), Contact(), *(force for force, acting in others if acting))
 
 
 def active_forces(forces: Sequence[Force] | None, parameters: Parameters) -> tuple[Force, ...]:
     """Returns the forces of a run, without the parts whose coefficients are known to be zero.
 
     Args:
-      forces: the list of forces; None for gravity, contact and, if they are not known to be zero,
-        the attraction of surfaces and magnetic dipoles.
+      forces: the list of forces; None for `bundled_forces`.
       parameters: parameters of the run.
 
     Raises:
@@ -81,7 +95,8 @@ def active_forces(forces: Sequence[Force] | None, parameters: Parameters) -> tup
         if not isinstance(force, Force):
             raise InputError(
                 f"forces[{place}] = {shown(force)}: give a force such as mrjax.Contact(), or one "
-                "of a class of your own, derived from mrjax.PairForce or mrjax.BodyForce"
+                "of a class of your own, derived from mrjax.PairForce, mrjax.BodyForce or "
+                "mrjax.Noise"
             )
     active = tuple(force.active(parameters) for force in given)
     for law in (force.law for force in active if isinstance(force, VanDerWaals)):
@@ -116,10 +131,12 @@ def __getattr__(name: str) -> Any:
 __all__ = [
     "ActiveLaws",
     "BodyForce",
+    "Brownian",
     "Contact",
     "Dipoles",
     "Force",
     "Gravity",
+    "Noise",
     "PairForce",
     "Particles",
     "Stiffness",
@@ -131,6 +148,7 @@ __all__ = [
     "bundled_forces",
     "greatest_overlap",
     "net_weight",
+    "noises",
     "pair_forces",
     "particle_memory",
     "with_gravity_of",

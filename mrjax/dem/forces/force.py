@@ -1,4 +1,4 @@
-"""Base classes of forces: `PairForce` between two surfaces, `BodyForce` on each single particle.
+"""Base classes of forces: `PairForce` of two surfaces, `BodyForce` of each particle, `Noise`.
 
 A force is a dataclass whose fields are its coefficients. They are leaves of a pytree, so they can
 be differentiated, fitted and mapped like the parameters. A law is written in SI: all its arguments
@@ -244,3 +244,32 @@ class BodyForce(Force):
     def between_surfaces(self, parameters: Parameters) -> tuple[ArrayLike, ArrayLike]:
         """Upper bounds on stiffness, N/m, and force, N, of two touching particles; for the step."""
         return 0.0, 0.0
+
+
+class Noise(Force):
+    """A random force and torque on every particle, held for one step.
+
+    The random numbers of a particle follow from the seed of the state, the number of the particle
+    and the step alone: a run does not depend on the order of the particles or on its parts.
+
+    A random force of this kind drives diffusion if its variance is inversely proportional to the
+    step, as that of `Brownian` is. It is a force beside drag, which must damp it.
+
+    Example:
+      >>> class Stirring(mrjax.Noise):
+      ...     strength: float = mrjax.quantity("N^2 s", "twice the spectral density, along an axis")
+      ...
+      ...     def __call__(self, parameters, numbers, time_step):
+      ...         return mrjax.Wrench(jnp.sqrt(self.strength / time_step) * numbers[:3])
+    """
+
+    def __call__(self, parameters: Parameters, numbers: Array, time_step: ArrayLike) -> Wrench:
+        """Returns the force on every particle, (3, N) in N, and the torque, (3, N) in N m, or None.
+
+        Args:
+          parameters: parameters of the run; with local drag, f_w is that of every particle now.
+          numbers: standard normal numbers, independent in every step, (6, N): by custom three for
+            the force and three for the torque.
+          time_step: time for which the force acts, s.
+        """
+        raise NotImplementedError(f"{type(self).__name__} has no law: define __call__")

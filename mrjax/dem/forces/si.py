@@ -13,6 +13,7 @@ from mrjax.dem.forces.force import (
     BodyForce,
     Force,
     Memory,
+    Noise,
     PairForce,
     Particles,
     Stiffness,
@@ -31,6 +32,8 @@ def in_reduced_units(force: Force, units: Units) -> Force:
     scales = Scales(units.mass, units.length, units.time)
     if isinstance(force, PairForce):
         return ConvertedPairForce(force, scales)
+    if isinstance(force, Noise):
+        return ConvertedNoise(force, scales)
     assert isinstance(force, BodyForce)
     return ConvertedBodyForce(force, scales)
 
@@ -153,6 +156,19 @@ class ConvertedBodyForce(BodyForce):
         scales = self.scales
         in_si = scales.particles(particles)
         return self.force.moved(scales.parameters(parameters), in_si, scales.time * time)
+
+
+class ConvertedNoise(Noise):
+    """Wraps a random force that is written in SI."""
+
+    force: Noise
+    scales: Scales
+
+    def __call__(self, parameters: Parameters, numbers: Array, time_step: ArrayLike) -> Wrench:
+        """Returns the random force on every particle, in reduced units."""
+        scales = self.scales
+        wrench = self.force(scales.parameters(parameters), numbers, scales.time * time_step)
+        return _reduced(wrench, scales)
 
 
 def _reduced(wrench: Wrench, scales: Scales) -> Wrench:

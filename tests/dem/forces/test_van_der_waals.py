@@ -412,6 +412,18 @@ def test_the_step_follows_the_steepest_slope_of_a_short_tail():
     assert bounds.stiffness == near(2.0 * pull_off / 1e-8, rel=0.05)
 
 
+def test_the_step_follows_the_attraction_of_unlike_surfaces():
+    """Only particles of different materials attract each other: the third row is of the walls."""
+    table = HAMAKER * np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    state = mrjax.place(np.asarray(TRIO.position), materials=[0, 1, 0])
+    unlike = sticky(hamaker=table)
+    system = System.of(state, unlike, ROOM)
+    bounds = force_bounds(system, unlike, plan_reach(system, unlike))
+    # F_c, and 2 F_c / h_0 beside contact.
+    assert bounds.pair_force == near(PULL_OFF, rel=1e-9)
+    assert bounds.stiffness == near(2.0 * PULL_OFF / (2.0 * LAYER), rel=0.05)
+
+
 def test_normal_forces_leave_attraction_out_and_say_so():
     state = mrjax.place([[MIDDLE, MIDDLE, 3e-3], [MIDDLE, MIDDLE, 4.999e-3]])
     figure = force_chains(state, sticky(), ROOM)
