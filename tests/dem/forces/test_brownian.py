@@ -247,16 +247,16 @@ def test_the_step_of_a_run_knows_the_kicks():
 
 @pytest.mark.slow
 def test_a_dilute_layer_thins_with_height_by_the_barometric_law():
-    # A weight of k T / R: the layer is one radius thick. Steps of 6 % of a radius.
+    # A weight of k T / R: the layer is one radius thick. Steps of 4 % of a radius.
     weight = brownian.BOLTZMANN * 300.0 / RADIUS
-    heavy = SOFT.replace(viscosity=1.0, elastic_modulus=1e3)
+    heavy = SOFT.replace(viscosity=1.0, elastic_modulus=1e4)
     heavy = heavy.replace(
         gravity=9.81 * weight / float(particle.net_weight(heavy.replace(gravity=9.81)))
     )
     length = float(brownian.sedimentation_length(heavy))
     assert length == near(RADIUS, rel=1e-12)
-    step = (0.06 * RADIUS) ** 2 / (2.0 * float(brownian.diffusion_coefficient(heavy)))
-    count, steps, frames = 512, 20_000, 40
+    step = (0.04 * RADIUS) ** 2 / (2.0 * float(brownian.diffusion_coefficient(heavy)))
+    count, steps, frames = 512, 8_000, 16
     box = mrjax.Box((1e-4, 1e-4, 30 * RADIUS))
     share = (np.arange(count) + 0.5) / count
     heights = RADIUS - length * np.log(1.0 - share)
@@ -269,8 +269,8 @@ def test_a_dilute_layer_thins_with_height_by_the_barometric_law():
         ).heights
 
     z = np.asarray(layer(jnp.asarray(heights), jnp.arange(count)))[:, 1:]
-    # Above the soft floor an exponential has the same mean from any height on. Some 2,500
-    # independent samples give a standard error of 2 %.
+    # Above the soft floor an exponential has the same mean from any height on. Some 370 particles
+    # are there, at two independent times: 0.1 is three standard errors.
     floor = 1.3 * RADIUS
     above = z[z > floor] - floor
-    assert above.mean() == near(length, rel=0.03)
+    assert above.mean() == near(length, rel=0.1)
