@@ -349,6 +349,7 @@ def end_of_run(shares):
     return moved + jnp.sum(run.state.memory[DIRECTION] * jnp.array([[3.0, 1.0, 2.0]]))
 
 
+@pytest.mark.slow
 def test_derivatives_of_a_run_by_every_coefficient():
     """Central differences at 1e-4 have errors of 1e-8 and of rounding; forward is reverse."""
     ones = {name: jnp.asarray(1.0) for name in LEAVES}
