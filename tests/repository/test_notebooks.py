@@ -23,6 +23,7 @@ NAMES = (
     "sizes",
     "flocs",
     "thickener",
+    "layer_thickness",
 )
 QUICK = ("fit_your_own_data",)
 """What the others show, tests of their own guard in an ordinary run."""
