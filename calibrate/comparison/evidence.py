@@ -20,6 +20,7 @@ import numpy as np
 from calibrate.comparison.effects import EFFECTS
 from calibrate.least_squares import levenberg
 from calibrate.least_squares.evaluator import half_square
+from calibrate.least_squares.finish import SETTLED_BELOW
 from calibrate.least_squares.fit import Fit
 from calibrate.least_squares.levenberg import Point
 from calibrate.least_squares.leverage import leverages
@@ -28,6 +29,8 @@ from calibrate.problem.scatter import groups_of_scatter
 
 LINEAR_BELOW = 0.5
 """Leverage of a reading above which the model is fitted again without it."""
+PARTS = (1.0, 0.3, 0.1, 0.03, 0.01)
+"""Parts of a Gauss-Newton step that are tried where it promises a decrease."""
 MOST_STEPS = 10
 """Most steps of such a fit, which begins at the values of all readings."""
 
@@ -48,7 +51,7 @@ class Evidence(NamedTuple):
     left_out_residuals: np.ndarray
     """Residual of each reading when it is left out, in stated standard deviations, (N,)."""
     unsettled: float
-    """Expected decrease of chi-squared by one more Gauss-Newton step; near 0 at an optimum."""
+    """Decrease of chi-squared that one more Gauss-Newton step brings; near 0 at an optimum."""
 
 
 def evidence(
@@ -90,7 +93,16 @@ def evidence(
 
 
 def _unsettled(fit: Fit) -> float:
-    return abs(levenberg.step(fit.at(np.log(fit.values)), fit.box)[1])
+    """Decrease by a whole step as expected, or the largest by parts of it if that is much.
+
+    Slopes of a rough model promise more than any step brings.
+    """
+    here = fit.at(np.log(fit.values))
+    change, expected = levenberg.step(here, fit.box)
+    if not SETTLED_BELOW < abs(expected) < np.inf:
+        return abs(expected)
+    losses = [fit.at(here.logs + part * change).loss for part in PARTS]
+    return 2.0 * max(here.loss - min(losses), 0.0)
 
 
 def _left_out_residuals(fit: Fit) -> np.ndarray:

@@ -28,7 +28,7 @@ from calibrate.comparison.effects import (
     YIELDING_BED,
     with_effects,
 )
-from calibrate.comparison.evidence import Evidence, evidence
+from calibrate.comparison.evidence import Evidence, _unsettled, evidence
 from calibrate.comparison.nested import Candidate, search
 from calibrate.comparison.tables import in_words, markdown, tables
 from calibrate.experiment.sample import Scatter
@@ -150,6 +150,18 @@ def test_a_reading_with_most_of_the_say_is_left_out_by_a_new_fit():
     leverage = end.jacobian[1, 0] ** 2 / np.sum(end.jacobian**2)
     assert found.left_out_residuals[1] == pytest.approx(end.value[1] / (1.0 - leverage), rel=1e-12)
     assert found.unsettled < 1e-6
+
+
+@pytest.mark.parametrize("true_slope, unsettled", [(1.0, 25.0), (-1.0, 0.0)])
+def test_what_a_fit_may_still_gain_is_what_steps_bring(true_slope, unsettled):
+    """r = 5 + s ln x, with the slope 1 as stated: one step of -5 removes 25, or makes it worse."""
+
+    def at(logs):
+        value = np.array([5.0 + true_slope * logs[0]])
+        return Point(0.5 * value @ value, logs, np.ones((1, 1)), value)
+
+    fit = SimpleNamespace(at=at, box=FREE, values=np.ones(1))
+    assert _unsettled(fit) == pytest.approx(unsettled, abs=1e-9)
 
 
 def test_evidence_of_stated_and_of_estimated_errors():
