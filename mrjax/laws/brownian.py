@@ -31,6 +31,16 @@ IMPACT = 3.0
 """Speed of an impact in random motion, in standard deviations of the velocity."""
 
 
+def refuse_without_temperature(parameters: Parameters) -> None:
+    """Refuses parameters without a temperature.
+
+    Raises:
+      InputError: there is none.
+    """
+    if parameters.temperature is None:
+        raise InputError("temperature is missing, which Brownian motion needs: give K, such as 293")
+
+
 def thermal_energy(parameters: Parameters, boltzmann: ArrayLike = BOLTZMANN) -> Array:
     """Thermal energy k T, J.
 
@@ -41,8 +51,7 @@ def thermal_energy(parameters: Parameters, boltzmann: ArrayLike = BOLTZMANN) -> 
     Raises:
       InputError: the parameters have no temperature.
     """
-    if parameters.temperature is None:
-        raise InputError("temperature is missing, which Brownian motion needs: give K, such as 293")
+    refuse_without_temperature(parameters)
     return jnp.asarray(boltzmann * parameters.temperature)
 
 
@@ -56,7 +65,7 @@ def diffusion_coefficient(parameters: Parameters, boltzmann: ArrayLike = BOLTZMA
     Example:
       >>> parameters = mrjax.Recipe.load("case2").parameters().replace(temperature=293.15)
       >>> print(f"{mrjax.laws.brownian.diffusion_coefficient(parameters):.2g} m^2/s")
-      2.2e-16 m^2/s
+      2e-16 m^2/s
 
     Raises:
       InputError: the parameters have no temperature.

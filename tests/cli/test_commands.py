@@ -254,11 +254,12 @@ def test_a_sheet_without_moduli_or_box_is_checked_and_not_simulated(tmp_path):
     status, out, err = run("check", "chalk.toml", folder=tmp_path)
     assert (status, err) == (0, "")
     assert "settling velocity (Eq. 27)" in out and "Rayleigh time" not in out
-    water, box, left_out, _, branch = [
+    water, box, left_out, _, random, branch = [
         line for line in out.splitlines() if line.startswith("Note: ")
     ]
     assert water.startswith("Note: water at 293.15 K") and "is chosen for 300 particles" in box
     assert "left out: particle.elastic_modulus is missing" in left_out
+    assert "Brownian motion, which is off, hardly matters" in random
     assert "at a Peclet number of 1.2e+05, below 1e+08" in branch
     status, out, err = run("simulate", "chalk.toml", folder=tmp_path)
     assert (status, out, err.count("\n")) == (2, "", 1)

@@ -46,7 +46,7 @@ class Brownian(Noise):
         Raises:
           InputError: the parameters have no temperature.
         """
-        brownian.thermal_energy(parameters)
+        brownian.refuse_without_temperature(parameters)
         return self
 
     def __call__(self, parameters: Parameters, numbers: Array, time_step: ArrayLike) -> Wrench:
