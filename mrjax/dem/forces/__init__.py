@@ -101,7 +101,7 @@ def active_forces(forces: Sequence[Force] | None, parameters: Parameters) -> tup
     active = tuple(force.active(parameters) for force in given)
     for law in (force.law for force in active if isinstance(force, VanDerWaals)):
         active = tuple(
-            force.attracted(law) if isinstance(force, Contact) else force for force in active
+            force.with_attraction(law) if isinstance(force, Contact) else force for force in active
         )
     for kind in (pair_forces(active), body_forces(active)):
         names = Counter(name for force in kind for name in force.memory())

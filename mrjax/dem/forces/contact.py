@@ -76,7 +76,7 @@ class Contact(PairForce):
         """Returns the force without the laws whose coefficients are known to be zero."""
         return type(self)(active_laws(parameters))
 
-    def attracted(self, law: str) -> Self:
+    def with_attraction(self, law: str) -> Self:
         """Returns the force with the pull-off force of a law in the limits of friction."""
         return type(self)(replace(self.laws, attraction=law))
 
