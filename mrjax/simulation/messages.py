@@ -16,12 +16,15 @@ import numpy as np
 
 from mrjax.core.box import Box
 from mrjax.core.errors import InputError, SimulationError, SystemRefusal
+from mrjax.core.randomness import RandomStream
 from mrjax.core.run import Run
 from mrjax.core.state import ContactHistory, State
 from mrjax.core.trajectory import Trajectory
 from mrjax.recipe.recipe import Recipe
 
-TABLES = {table.__name__: table for table in (Box, ContactHistory, Run, State, Trajectory)}
+TABLES = {
+    table.__name__: table for table in (Box, ContactHistory, RandomStream, Run, State, Trajectory)
+}
 """Dataclasses by name."""
 ERRORS = {error.__name__: error for error in (InputError, SimulationError, SystemRefusal)}
 LENGTH = struct.Struct("!Q")

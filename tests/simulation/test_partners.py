@@ -141,6 +141,7 @@ def sent(case2, tmp_path_factory) -> list:
         [run, None],
         [state],
         [replace(state, contacts=history)],
+        [replace(state, memory={"direction": way[:, 0]}).with_seed(3)],
         [recipe],
         [Path("é/run")],
         error,
