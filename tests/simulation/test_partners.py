@@ -141,11 +141,11 @@ def sent(case2, tmp_path_factory) -> list:
         [run, None],
         [state],
         [replace(state, contacts=history)],
-        [replace(state, memory={"direction": way[:, 0]}).with_seed(3)],
         [recipe],
         [Path("é/run")],
         error,
         mrjax.InputError("no"),
+        [replace(state, memory={"direction": way[:, 0]}).with_seed(3)],
         [1, 0.1],
     ]
 
