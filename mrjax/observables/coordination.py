@@ -63,9 +63,9 @@ def coordination(network: ContactNetwork, *, least: int = 2) -> Coordination:
     shares = jax.nn.one_hot(jnp.minimum(number, MOST), MOST + 1).mean(axis=0)
     return Coordination(
         number,
-        jnp.mean(number),
+        jnp.mean(number, dtype=float),
         jnp.sum(inner) / jnp.maximum(remaining, 1),
-        1.0 - remaining / network.particles,
+        (network.particles - remaining) / network.particles,
         shares,
     )
 

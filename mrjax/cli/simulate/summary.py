@@ -3,10 +3,9 @@
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 
 import mrjax
-from mrjax import Run, Sedimentation, State
+from mrjax import ContactNetwork, Run, Sedimentation
 from mrjax.cli import provenance
 from mrjax.cli.simulate.run import Plan, Result
 from mrjax.laws import dimensionless
@@ -91,13 +90,6 @@ def _at_rest(whole: Sedimentation) -> dict[str, Any]:
     # jit compiles one program for each; without it there would be some 400.
     lines = jax.jit(jax.vmap(mrjax.asymptotes))(whole.run)
 
-    @jax.jit
-    @jax.vmap
-    def coordination_number(state: State) -> jax.Array:
-        count = mrjax.coordination_number(state, whole.parameters, whole.run.box)
-        return jnp.where(count < 0, jnp.nan, count)  # no room in a traced call
-
-    contacts = coordination_number(whole.run.state)
     return {
         "final_ratio": final["top"].mean(),
         "final_ratio_standard_error": mrjax.standard_error(final["top"]),
@@ -108,7 +100,6 @@ def _at_rest(whole: Sedimentation) -> dict[str, Any]:
         "speed_at_rest_over_initial": (
             whole.run.mean_speed[:, -1] / whole.run.mean_speed.max(axis=1)
         ).max(),
-        "coordination_number": contacts.mean(),
         **_packings(whole),
         "softening": whole.softening,
         "ensemble": len(whole.seeds),
@@ -121,17 +112,22 @@ def _packings(whole: Sedimentation) -> dict[str, Any]:
     for start in range(len(whole.seeds)):
         run = jax.tree.map(lambda leaf, start=start: leaf[start], whole.run)
         network = mrjax.contact_network(run.state, whole.parameters, run.box)
-        bed, numbers = mrjax.bed_packing(run, network), mrjax.coordination(network)
-        beds.append(
-            {
-                "coordination_without_rattlers": float(numbers.mean_without_rattlers),
-                "rattlers": float(numbers.rattlers),
-                "bed_fraction": float(bed.volume_fraction),
-                "bed_openness": float(bed.openness),
-                "largest_cluster": float(mrjax.cluster_sizes(network)[0] / network.particles),
-                "vertical_contact_stress_pa": float(mrjax.stress_tensor(network)[2, 2]),
-                "vertical_contacts": float(mrjax.fabric_tensor(network)[2, 2]),
-            }
-        )
-    means = {key: sum(bed[key] for bed in beds) / len(beds) for key in beds[0]}
+        largest = mrjax.cluster_sizes(network)[0] / network.particles
+        beds.append(_packing(run, network) | {"largest_cluster": largest})
+    means = {key: float(sum(bed[key] for bed in beds) / len(beds)) for key in beds[0]}
     return means | {"bed": packing.name(means["bed_fraction"])}
+
+
+@jax.jit
+def _packing(run: Run, network: ContactNetwork) -> dict[str, jax.Array]:
+    """Returns the numbers of one bed, by one compiled program."""
+    bed, numbers = mrjax.bed_packing(run, network), mrjax.coordination(network)
+    return {
+        "coordination_number": numbers.mean,
+        "coordination_without_rattlers": numbers.mean_without_rattlers,
+        "rattlers": numbers.rattlers,
+        "bed_fraction": bed.volume_fraction,
+        "bed_openness": bed.openness,
+        "vertical_contact_stress_pa": mrjax.stress_tensor(network)[2, 2],
+        "vertical_contacts": mrjax.fabric_tensor(network)[2, 2],
+    }
