@@ -81,13 +81,15 @@ def notes(
     moving = carrier.notes(recipe.parameters(), recipe.coated_volume_fraction, tube_diameter)
     sheet = recipe.attraction
     stated = () if sheet is None else (sheet.hamaker, sheet.stated.get("layer_thickness"))
-    sticking = attraction_notes.notes(recipe.parameters(), *stated)
-    magnetic = magnetism_notes.notes(recipe.parameters(), recipe.temperature, recipe.particle_count)
-    sticking = [*sticking, *magnetic]
+    parameters = recipe.parameters()
+    forces = [
+        *attraction_notes.notes(parameters, *stated),
+        *magnetism_notes.notes(parameters, recipe.temperature, recipe.particle_count),
+        *brownian_notes.notes(recipe),
+    ]
     assumed = [*recipe.notes, *recipe.contact_notes, *omissions]
-    sticking += brownian_notes.notes(recipe)
     tube = [*_layers(recipe, tube_height), *_standing(recipe, tube_height, compression)]
-    return [*assumed, *sticking, *tube, branch_note(recipe), *moving]
+    return [*assumed, *forces, *tube, branch_note(recipe), *moving]
 
 
 def _layers(recipe: Recipe, tube_height: float | None) -> list[str]:

@@ -21,7 +21,7 @@ from mrjax.core.errors import InputError
 from mrjax.core.promotion import relaxed_promotion
 from mrjax.core.state import State, place
 from mrjax.dem import neighbours
-from mrjax.dem.forces.dipoles import has_remanence
+from mrjax.dem.forces.contact import acts
 from mrjax.dem.neighbours import ListPlan, Neighbours
 from mrjax.laws import particle
 from mrjax.recipe import contacts
@@ -72,7 +72,7 @@ def disperse(recipe: Recipe, seed: int = 0, *, dtype: DTypeLike = float) -> Stat
             "larger box or fewer particles"
         )
     state = place(position * unit, contact_diameter=2 * unit, seed=seed, dtype=dtype)
-    return magnetised(state, seed=seed) if has_remanence(parameters) else state
+    return magnetised(state, seed=seed) if acts(parameters.remanence) else state
 
 
 def spread(key: Array, box: Box, radius: np.ndarray) -> np.ndarray | None:

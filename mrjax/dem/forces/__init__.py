@@ -65,12 +65,10 @@ def bundled_forces(parameters: Parameters) -> tuple[Force, ...]:
 
     They act unless what they need is missing, or known to be zero.
     """
-    attracts = parameters.hamaker is not None and acts(parameters.hamaker)
-    warm = parameters.temperature is not None and acts(parameters.temperature)
     others = (
-        (VanDerWaals(), attracts),
+        (VanDerWaals(), acts(parameters.hamaker)),
         (Dipoles(), is_magnetic(parameters)),
-        (Brownian(), warm),
+        (Brownian(), acts(parameters.temperature)),
     )
     return (Gravity(), Contact(), *(force for force, acting in others if acting))
 

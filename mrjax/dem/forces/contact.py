@@ -41,8 +41,13 @@ class ActiveLaws:
     """Law of attraction, whose pull-off force the limits of friction and rolling include."""
 
 
-def acts(coefficient: ArrayLike, idle: float = 0.0) -> bool:
-    """True if a coefficient is traced, or is not known to have its value without effect."""
+def acts(coefficient: ArrayLike | None, idle: float = 0.0) -> bool:
+    """True if a coefficient is traced, or is not known to have its value without effect.
+
+    One that is missing, None, has no effect.
+    """
+    if coefficient is None:
+        return False
     return isinstance(coefficient, Tracer) or bool(np.any(value_or_none(coefficient) != idle))
 
 

@@ -72,13 +72,14 @@ class Dipoles(BodyForce):
         Raises:
           InputError: there are neither remanent nor induced moments.
         """
-        remanent, induced = has_remanence(parameters), has_susceptibility(parameters)
-        if not (remanent or (induced and has_field(parameters))):
+        if not is_magnetic(parameters):
             raise InputError(
                 "nothing is magnetic, which Dipoles need: give a remanence in A/m, or a field in "
                 "A/m, (3,), and a susceptibility; or leave the force out"
             )
-        return replace(self, remanent=remanent, induced=induced)
+        return replace(
+            self, remanent=acts(parameters.remanence), induced=acts(parameters.susceptibility)
+        )
 
     def within(self, box: Box) -> "Dipoles":
         """Returns the force with the periods of a box."""
@@ -164,25 +165,10 @@ def spheres(parameters: Parameters) -> Sphere:
     return Sphere(volume, parameters.susceptibility, parameters.saturation)
 
 
-def has_remanence(parameters: Parameters) -> bool:
-    """True if the remanence is traced, or is not known to be zero."""
-    return parameters.remanence is not None and acts(parameters.remanence)
-
-
-def has_field(parameters: Parameters) -> bool:
-    """True if the field is traced, or is not known to be zero."""
-    return parameters.field is not None and acts(parameters.field)
-
-
-def has_susceptibility(parameters: Parameters) -> bool:
-    """True if the susceptibility is traced, or is not known to be zero."""
-    return parameters.susceptibility is not None and acts(parameters.susceptibility)
-
-
 def is_magnetic(parameters: Parameters) -> bool:
     """True if particles have remanent moments, or a field that induces some."""
-    induced = has_field(parameters) and has_susceptibility(parameters)
-    return has_remanence(parameters) or induced
+    induced = acts(parameters.field) and acts(parameters.susceptibility)
+    return acts(parameters.remanence) or induced
 
 
 def refuse_directions(directions: Array, particles: int) -> None:

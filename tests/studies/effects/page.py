@@ -8,6 +8,7 @@ from scipy.stats import binomtest
 
 from calibrate.comparison.compare import ASKED_FOR, UNDECIDED
 from calibrate.comparison.effects import EFFECTS
+from mrjax.io import files
 from tests.studies.effects import coverage, synthetic
 
 PAGE = Path(__file__).parent / "README.md"
@@ -29,9 +30,16 @@ So far there are {sets} sets. Bars: an effect in the data is found in 95 %, and 
 20 %; an absent one is claimed in at most 5 %. Brackets are intervals of 95 % (Clopper & Pearson).
 
 """
-HEADER = (
-    "| effect | in the data | found | undecided | missed | not in the data | claimed | undecided |"
-)
+HEADER = [
+    "effect",
+    "in the data",
+    "found",
+    "undecided",
+    "missed",
+    "not in the data",
+    "claimed",
+    "undecided",
+]
 NOTES = """
 The joint region of 68 % about the fit of the true model has the true values in {inner}, that of
 95 % in {outer}, of {covered} sets.
@@ -79,12 +87,12 @@ def text() -> str:
         row for row in rows if row.gain is not None and row.gain > 0.999 * synthetic.LEAST_GAIN
     ]
     absent = [row for row in rows if row.gain is None]
-    lines = [HEADER, "| --- " * 8 + "|"]
+    table = []
     for name in [*(effect.name for effect in synthetic.TRIED), "all"]:
         here = [row for row in present if name in (row.effect, "all")]
         away = [row for row in absent if name in (row.effect, "all")]
         found, open_ = _count(here, ASKED_FOR), _count(here, UNDECIDED)
-        cells = [
+        cells = (
             name,
             len(here),
             _share(found, len(here)),
@@ -93,9 +101,10 @@ def text() -> str:
             len(away),
             _share(_count(away, ASKED_FOR), len(away)),
             _share(_count(away, UNDECIDED), len(away)),
-        ]
-        lines.append(f"| {' | '.join(map(str, cells))} |")
-    errors = sorted(float(one["error_mm"]) for one in sets() if one["truth"])
+        )
+        table.append(cells)
+    measured = sets()
+    errors = sorted(float(one["error_mm"]) for one in measured if one["truth"])
     about = ABOUT.format(
         height=1e3 * synthetic.HEIGHT,
         fraction=synthetic.FRACTION,
@@ -104,7 +113,7 @@ def text() -> str:
         last=synthetic.LAST,
         least=synthetic.LEAST_GAIN,
         most=synthetic.MOST_GAIN,
-        sets=len(sets()),
+        sets=len(measured),
     )
     rises = coverage.measured()
     notes = NOTES.format(
@@ -115,7 +124,7 @@ def text() -> str:
         coarsest=errors[-1],
         middle=errors[len(errors) // 2],
     )
-    return about + "\n".join(lines) + "\n" + notes
+    return about + files.markdown_table(HEADER, table) + notes
 
 
 def _count(rows: list[Row], word: str) -> int:
